@@ -21,8 +21,7 @@ import numpy as np
 from laboratory_scoring import Match, Order, Row, Score, orders_of, score
 
 import ema
-from ema.checks.sensor_mass import without_mass
-from ema.circumference.mass_loading import sensors_of_runs
+from ema.checks.sensor_mass import sensors_of_runs, without_mass
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF

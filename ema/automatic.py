@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ema.checks.corrections import (
     Correction,
@@ -28,26 +28,31 @@ from ema.checks.positions import (
 )
 from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
+from ema.circumference.mass_loading import Across
 from ema.circumference.orders import on_circle, without_order
-from ema.core.edits import Edit, EditKind
-from ema.core.errors import FitError, InputError
+from ema.core.edits import Edit, EditKind, shorthand
+from ema.core.errors import FitError, InputError, require_type
 from ema.core.finding import Finding
 from ema.core.frf import FRF
+from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import ModalModel
+from ema.core.numerics import one_blas_thread
 from ema.core.references import References
-from ema.core.settings import CheckSettings, IdentificationSettings
+from ema.core.settings import IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import Wish, pole_named, wishes
-from ema.fitting.edited_fit import EditedFit
+from ema.fitting.edited_fit import EditedFit, edited
 from ema.fitting.joint_modes import joint_modes
-from ema.fitting.joint_orders import joint_curves
+from ema.fitting.joint_orders import across_forces, joint_curves
 from ema.fitting.search import curve_fit
-from ema.poles.estimators import widened_band
+from ema.poles.estimators import NO_FRF, widened_band
 from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
 # What a drift does to the compensation of masses is a tenth of it each time.
 _DRIFT_PASSES = 2
+# Compensations of the sensors' mass with the pairs that several forces show.
+_MASS_PASSES = 2
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
@@ -84,14 +89,12 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
     """
     if len(bases) < 2:
         return tuple(bases)
-    curves = [each.fit.curve for each in bases]
     if all(each.fit.curve.circle and each.stated_deg is None for each in bases):
-        fits = [EditedFit(curve) for curve in joint_curves(curves)[0]]
-        return tuple(replace(each, fit=fit) for each, fit in zip(bases, fits, strict=True))
+        return _of_ring(bases)
     together = References(tuple(each.frf for each in bases))
     try:
         diagram = bases[0].asked.diagram(together)
-        rows, findings = joint_modes(curves, diagram)
+        rows, findings = joint_modes([each.fit.curve for each in bases], diagram)
     except (FitError, InputError):
         return tuple(bases)
     return tuple(
@@ -100,10 +103,42 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
             diagram=diagram,
             fit=EditedFit(each.fit.curve, one),
             state=each.state.told(findings),
+            by_itself=each,
             together=together,
         )
         for each, one in zip(bases, rows, strict=True)
     )
+
+
+def _of_ring(bases: Sequence[Basis]) -> tuple[Basis, ...]:
+    """Orders of a ring from all forces, after the mass of the sensors with what they show of it."""
+    alone = list(bases)
+    curves, _ = joint_curves([each.fit.curve for each in alone])
+    for _ in range(_MASS_PASSES if any(_loads(each) for each in alone) else 0):
+        alone = [_bared(e, own) for e, own in zip(alone, across_forces(curves), strict=True)]
+        curves, _ = joint_curves([each.fit.curve for each in alone])
+    return tuple(
+        replace(each, fit=EditedFit(curve), by_itself=before)
+        for each, curve, before in zip(alone, curves, bases, strict=True)
+    )
+
+
+def _loads(basis: Basis) -> bool:
+    return basis.state.mass is not None and basis.state.mass.loads
+
+
+def _bared(basis: Basis, across: Across) -> Basis:
+    """The same with the mass of the sensors compensated by what all forces show of the pairs."""
+    if basis.state.mass is None or not basis.state.mass.loads:
+        return basis
+    state = replace(basis.state, mass=replace(basis.state.mass, across=across))
+    curve = basis.fit.curve.on(state.fitted)
+    return replace(basis, state=state, frf=state.fitted, fit=EditedFit(curve))
+
+
+def by_itself(basis: Basis) -> Basis:
+    """The identification against one of several forces, without what the others say."""
+    return basis.by_itself or basis
 
 
 def _wanted(edits: Sequence[Edit]) -> tuple[Wish, ...]:
@@ -220,6 +255,8 @@ class Basis:
         With edits.
     crossed : FRF or None
         What the cross-check looked at, where that was not `frf`.
+    by_itself : Basis or None
+        What this force shows alone, where `fit` is that of several.
     together : References or None
         What was fitted of all forces, where that was not each by itself.
     """
@@ -235,6 +272,7 @@ class Basis:
     is_preview: bool = False
     shown: EditedFit | None = None
     crossed: FRF | None = None
+    by_itself: Basis | None = None
     together: References | None = None
 
     def is_of(self, edits: Sequence[Edit]) -> bool:
@@ -300,3 +338,80 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
         share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
         state = state.told(no_wave_finding(share, checks))
     return Basis(asked, state, fitted, *fit, loaded=rough)
+
+
+@one_blas_thread
+def fit_modes(
+    frf: FRF,
+    poles: PoleSelection | ArrayLike | None = None,
+    band_hz: tuple[float, float] | None = None,
+    settings: IdentificationSettings = IDENTIFICATION,
+    *,
+    hz: ArrayLike | None = None,
+) -> ModalModel:
+    """Fit poles, residues and residual terms to all FRFs at once.
+
+    Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
+    poles move within bounds around their start values. Where the FRFs come from blocks of a
+    random excitation, the bias of the window is compensated. Where the natural frequencies differ
+    from run to run by more than chance, each run gets its own state: shapes stay common, all
+    frequencies of a run move together, and the result is that of the first run.
+
+    Parameters
+    ----------
+    frf : FRF
+    poles : PoleSelection or array_like of complex, optional
+        From `select_poles`, or poles in rad/s. Default: the automatic selection.
+    band_hz : tuple of float, optional
+        Band of the result; by default that of the selection, or where coherence is good.
+    settings : IdentificationSettings
+    hz : array_like, optional
+        List only the modes at these frequencies in Hz. The others of the band are fitted too, so
+        that their response is not pressed into these.
+
+    Returns
+    -------
+    ModalModel
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    FitError
+        If no pole lies in the band, none at a frequency of `hz`, or the fit diverges.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(range(0, 72, 6))  # every 30°, to be quick
+    >>> rm.fit_modes(frf, hz=[78.7, 100.3]).frequencies_hz.round(1)
+    array([ 78.7, 100.3])
+    """
+    require_type("frf", frf, FRF, NO_FRF)
+    require_type("settings", settings, IdentificationSettings, "Leave it out")
+    pinned = None if hz is None else frequencies_of("hz", hz)
+    if poles is None:
+        band_hz = band_hz or _around(frf, pinned or ())
+        selection = select_poles(build_stability(frf, band_hz, settings=settings))
+    elif pinned is not None:
+        rule = "modes are given by their poles or by their frequencies"
+        raise InputError("fit_modes", "poles and hz", rule, "Leave one of them out")
+    else:
+        selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
+    curve = curve_fit(frf, selection, band_hz or selection.band_hz, settings)
+    fit = EditedFit(curve)
+    if pinned is None:
+        return fit.model
+
+    def diagram(method: str | None) -> StabilityDiagram:
+        return build_stability(frf, selection.band_hz, method=method or "lsce", settings=settings)
+
+    return edited(fit, shorthand(pinned), diagram).model
+
+
+def _around(frf: FRF, hz: tuple[float, ...]) -> tuple[float, float]:
+    """The band of views, widened to some frequencies and a fifth beyond."""
+    low, high = frf.shown_band_hz()
+    far = min(max([high, *(1.2 * each for each in hz)]), float(frf.frequency_hz[-1]))
+    return min([low, *(0.8 * each for each in hz)]), far

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ema.automatic import Asked, Basis, automatic_basis, joint_bases
-from ema.checks.corrections import Correction
+from ema.checks.corrections import Correction, channel_edits, rows_named
 from ema.checks.sensor_mass import SensorMass
 from ema.core.display import band_text, counted
-from ema.core.edits import Edit, shorthand
+from ema.core.edits import Edit, EditKind, shorthand
 from ema.core.errors import InputError, require_type
 from ema.core.finding import Check, Finding, Verdict, findings_html
 from ema.core.frf import FRF
@@ -21,7 +21,7 @@ from ema.core.numerics import one_blas_thread
 from ema.core.references import References
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
-from ema.fitting.edited_fit import edited
+from ema.fitting.edited_fit import edited, edited_jointly
 from ema.fitting.listing import with_modal_masses
 from ema.fitting.search import CurveFit
 from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
@@ -130,7 +130,8 @@ def identify_modes(
     ----------
     frf : FRF, References or sequence of FRF
         Of one force, or of each of several: then both members of a ring's pairs are told by what
-        each force drives of them. Edits act on one force only.
+        each force drives of them. Edits then name modes of the first one, whose list is that of
+        the result.
     band_hz : tuple of float
         Band of the result.
     edits : sequence of Edit
@@ -195,20 +196,70 @@ def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> 
     """What each force shows by itself, then what all show together."""
     if len(references) == 1:
         return identified(automatic_basis(references.frfs[0], asked, edits), edits)
-    if edits:
-        rule = "decisions act on the FRFs of one force"
-        remedy = "Leave them out, or identify the modes of one force with them"
-        raise InputError("edits", f"{counted(len(references), 'force')}", rule, remedy)
-    alone = [automatic_basis(frf, _at(asked, frf), ()) for frf in references]
-    bases = joint_bases(alone)
-    found = tuple(_of_basis(basis, ()) for basis in bases)
+    by_force = edits_by_force(references.frfs, edits)
+    alone = [
+        automatic_basis(frf, _at(asked, frf), own)
+        for frf, own in zip(references, by_force, strict=True)
+    ]
+    return identified_jointly(joint_bases(alone), edits)
+
+
+def edits_by_force(frfs: Sequence[FRF], edits: Sequence[Edit]) -> list[tuple[Edit, ...]]:
+    """Edits for each of several forces: a note, which keeps the numbers, where it has no such row.
+
+    Raises
+    ------
+    InputError
+        For a row that no force has.
+    """
+    by_force = []
+    for number, frf in enumerate(frfs, start=1):
+        concerns = [not channel_edits([edit]) or _has_row(frf, edit, number) for edit in edits]
+        rest = Edit(EditKind.NOTE)
+        by_force.append(tuple(e if own else rest for e, own in zip(edits, concerns, strict=True)))
+    for number, edit in enumerate(edits, start=1):
+        if any(own[number - 1] is edit for own in by_force):
+            continue
+        wanted = None if edit.channel is None else edit.channel.reference
+        if wanted is not None and wanted not in range(1, len(frfs) + 1):
+            rule = f"forces count from 1 to {len(frfs)}"
+            where, remedy = f"edit {number}, {edit.kind}", "Correct it"
+            raise InputError(where, f"reference = {wanted}", rule, remedy)
+        rows_named(frfs[(wanted or 1) - 1], edit, number)  # says what is there
+    return by_force
+
+
+def _has_row(frf: FRF, edit: Edit, number: int) -> bool:
+    """Whether an edit means a row of this force, which is that of a number."""
+    if (name := edit.channel) is None:
+        return any(edit.run in run.split("+") for run in frf.run)
+    here = zip(frf.channel, frf.run, strict=True)
+    found = any(name.channel == channel and name.run in (None, run) for channel, run in here)
+    return found and name.reference in (None, number)
+
+
+def identified_jointly(
+    bases: Sequence[Basis], edits: Sequence[Edit], *, live: bool = False
+) -> Identification:
+    """Identifications of `joint_bases` with the edits of poles; that of the first force, with all.
+
+    Where forces are identified by themselves, edits name modes of the first one and those like
+    them of the others.
+    """
+    asked, fits = bases[0].asked, [basis.fit for basis in bases]
+    if acts_on_poles(edits):
+        rules = {"of_ring": bases[0].by_itself is not None, "refits": bases[0].together is None}
+        fits = edited_jointly(fits, edits, bases[0].diagram_of, live=live, **rules)
+    found = tuple(
+        _of_basis(replace(basis, shown=fit), edits) for basis, fit in zip(bases, fits, strict=True)
+    )
     findings = dict.fromkeys(finding for each in found for finding in each.findings)
-    if all(basis is each for basis, each in zip(bases, alone, strict=True)):
+    if bases[0].by_itself is None:
         findings[_EACH_ALONE] = None
-    opinions: tuple[Opinion, ...] = ()
     # Another estimator sees one mode for each pair of a ring.
+    known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
+    opinions: tuple[Opinion, ...] = ()
     if (together := bases[0].together) is not None:
-        known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
         opinions = second_opinion(together, found[0].model.modes, *known)
     models, doubts = with_modal_masses(
         [each.model for each in found],
@@ -216,9 +267,14 @@ def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> 
         asked.checks.driving_point_spread,
     )
     found = tuple(replace(each, model=model) for each, model in zip(found, models, strict=True))
-    told = (*findings, *doubts)
-    several = replace(found[0], findings=told, references=found, basis=None)
-    return replace(several, opinions=opinions)
+    return replace(
+        found[0],
+        opinions=opinions,
+        findings=(*findings, *doubts),
+        references=found,
+        is_preview=any(each.is_preview for each in found),
+        basis=None,
+    )
 
 
 def _at(asked: Asked, frf: FRF) -> Asked:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ema.automatic import Basis, automatic_basis
+from ema.automatic import Basis, automatic_basis, by_itself, joint_bases
 from ema.checks.corrections import channel_edits, corrected, corrections_by_hand
 from ema.checks.sensor_mass import without_mass
 from ema.core.edits import Edit
@@ -17,8 +17,8 @@ from ema.core.numerics import kept_with, one_blas_thread, stoppable
 from ema.fitting.curve_fit import settled
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.listing import Key
-from ema.fitting.pole_fit import fit_bounded
-from ema.identify import Identification, identified
+from ema.fitting.pole_fit import PoleFit, fit_bounded
+from ema.identify import Identification, edits_by_force, identified, identified_jointly
 
 # Steps of a search that is only to say how much worse a fit is.
 _FEW_TRIES = 8
@@ -78,9 +78,9 @@ def refit_modes(
     [1, 2, 4]
     """
     basis = found.basis
-    if found.references:
-        rule, remedy = "decisions act on the FRFs of one force", "Refit those of found.references"
-        raise InputError("result", f"{len(found.references)} forces", rule, remedy)
+    if found.references and all(each.basis for each in found.references):
+        with stoppable(stop):
+            return _of_several(found, edits, live=live)
     if basis is None:
         rule = "it was read from a file and does not hold what a refit goes on from"
         raise InputError("result", "no fit", rule, "Identify the modes of its FRFs with the edits")
@@ -89,6 +89,22 @@ def refit_modes(
             anew = _live_basis if live and basis.stated_deg is None else _whole_basis
             basis = anew(basis, edits)
         return identified(basis, edits, live=live, before=found)
+
+
+def _of_several(found: Identification, edits: Sequence[Edit], *, live: bool) -> Identification:
+    """The same against several forces: where channels of one changed, the others stay by it."""
+    bases = [each.basis for each in found.references if each.basis is not None]
+    by_force = edits_by_force([basis.state.measured for basis in bases], edits)
+    alone = list[Basis]()
+    for basis, own in zip(bases, by_force, strict=True):
+        each = by_itself(basis)
+        if not basis.is_of(own) or (basis.is_preview and not live):
+            anew = _live_basis if live and basis.stated_deg is None else _whole_basis
+            each = anew(each, own)
+        alone.append(each)
+    pairs = zip(alone, bases, strict=True)
+    stay = all(one.fit is by_itself(before).fit for one, before in pairs)
+    return identified_jointly(bases if stay else joint_bases(alone), edits, live=live)
 
 
 def _whole_basis(basis: Basis, edits: Sequence[Edit]) -> Basis:
@@ -200,17 +216,30 @@ class _Weighed:
 
 @kept_with
 def _weighed(found: Identification) -> _Weighed:
-    assert found.basis is not None
-    shown = found.basis.shown or found.basis.fit
+    """Of several forces the sum of what is left, and the poles of the first one."""
+    bases = [each.basis for each in found.references or (found,)]
+    shown = [basis.shown or basis.fit for basis in bases if basis is not None]
+    fits = [_fitted_again(each) for each in shown]
+    (fit, keys), rows = fits[0], shown[0].settled.rows
+    total = sum(each.chi_square for each, _ in fits)
+    misfit = total / sum(each.chi_square / each.misfit for each, _ in fits)
+    where = dict(zip(keys, fit.poles.tolist(), strict=True))
+    names = [row.key for row in rows if shown[0].choice.lists(row)]
+    named = dict(zip(names, found.model.modes, strict=False))
+    return _Weighed(total, misfit, where, named)
+
+
+def _fitted_again(shown: EditedFit) -> tuple[PoleFit, list[Key]]:
+    """The poles without those set aside, and which rows they are.
+
+    Pairs that several forces determine stay where they are: one force does not tell them apart.
+    """
     rows = [row for row in shown.settled.rows if row.key not in shown.choice.aside]
     rows.sort(key=lambda row: row.key)  # those beyond the lines last
     before, curve = shown.curve.fit, shown.curve
     poles = np.array([row.mode.pole for row in rows])
     drift = before.drift if len(before.drift) > 1 else None
-    locked = tuple(k for k, row in enumerate(rows) if row.key[0] in curve.locked)
+    stay = {*curve.locked, *(order.key for order in curve.ring if order.jointly)}
+    locked = tuple(k for k, row in enumerate(rows) if row.key[0] in stay)
     given = curve.settings, drift, None, (), locked
-    fit = fit_bounded(before.lines, poles, *given, tries=_FEW_TRIES)
-    where = dict(zip([row.key for row in rows], fit.poles.tolist(), strict=True))
-    keys = [row.key for row in shown.settled.rows if shown.choice.lists(row)]
-    named = dict(zip(keys, found.model.modes, strict=False))
-    return _Weighed(fit.chi_square, fit.misfit, where, named)
+    return fit_bounded(before.lines, poles, *given, tries=_FEW_TRIES), [row.key for row in rows]

@@ -155,7 +155,7 @@ def corrections_by_hand(
     made: dict[int, Correction] = {}
     said: dict[int, list[str]] = {}
     for number, edit in enumerate(edits, start=1):
-        for row in _rows(frf, edit, number) if channel_edits([edit]) else ():
+        for row in rows_named(frf, edit, number) if channel_edits([edit]) else ():
             before = made.get(row) or _untouched(frf, row)
             made[row] = _after(before, edit)
             why = f" ({edit.reason})" if edit.reason else ""
@@ -167,7 +167,8 @@ def corrections_by_hand(
     return tuple(made[row] for row in rows), tuple(findings)
 
 
-def _rows(frf: FRF, edit: Edit, number: int) -> list[int]:
+def rows_named(frf: FRF, edit: Edit, number: int) -> list[int]:
+    """Rows that an edit of a number means; an error where there are none."""
     every, where = range(frf.n_positions), f"edit {number}, {edit.kind}"
     if edit.kind is EditKind.RUN_OUT:
         rows = [row for row in every if frf.run[row] == edit.run]

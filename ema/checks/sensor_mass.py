@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.mass_loading import unloaded, without_live_mass
+from ema.circumference.mass_loading import Across, unloaded, without_live_mass
 from ema.circumference.orders import on_circle
+from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
@@ -35,11 +37,13 @@ class SensorMass:
         Natural frequencies of the runs against each other.
     own_kg : dict of str to ndarray
         Mass of each sensor in `sensors_deg`, where they differ.
+    across : mapping
+        What several forces show of the pairs, see `ema.circumference.mass_loading.unloaded`.
 
     Examples
     --------
     >>> import ringmodal as rm
-    >>> from ema.circumference.mass_loading import sensors_of_runs
+    >>> from ema.checks.sensor_mass import sensors_of_runs
     >>> campaign = rm.read_campaign("sample_data/tyre_225_55R17")
     >>> mass = rm.SensorMass(0.004, sensors_of_runs(campaign))
     >>> mass.sensors_deg["config_1.uff"][:3]
@@ -52,6 +56,7 @@ class SensorMass:
     live_mass_kg: float = 0.0
     drift: Drift = NO_DRIFT
     own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    across: Across = field(default_factory=dict)
 
     @property
     def loads(self) -> bool:
@@ -109,4 +114,31 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
         sensor_mass.excitation_deg,
         sensor_mass.drift,
         sensor_mass.live_mass_kg,
+        sensor_mass.across,
     )
+
+
+def sensors_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:
+    """Angles of all sensors that load the tyre in each run, the reference included."""
+    return {
+        run.name: np.array([angle for angle, _ in _seats(campaign, run)]) for run in campaign.runs
+    }
+
+
+def masses_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:
+    """Masses in kg of the sensors of `sensors_of_runs`; 0 where none is given."""
+    return {
+        run.name: np.array([campaign.mass_of(name) or 0.0 for _, name in _seats(campaign, run)])
+        for run in campaign.runs
+    }
+
+
+def _seats(campaign: Campaign, run: Run) -> Iterator[tuple[float, str]]:
+    """Angle and channel of each sensor of a run; one that measures several directions once."""
+    seen = set()
+    for each in (*run.responses, *run.others):
+        if each.position_deg is not None and each.position_deg not in seen:
+            yield each.position_deg, each.channel.name
+            seen.add(each.position_deg)
+    if run.reference is not None and campaign.reference_deg is not None:
+        yield campaign.reference_deg, run.reference.name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from ema.circumference.orders import circle_basis, family, highest_order
-from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS
-from ema.core.modes import ModalModel, Mode
+from ema.core.modes import ModalModel, Mode, synthesise
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -35,30 +34,7 @@ _TYRE_ORDERS = 16
 _UNRESOLVED = 1e-3
 
 
-def sensors_of_runs(campaign: Campaign) -> dict[str, Real]:
-    """Angles of all sensors that load the tyre in each run, the reference included."""
-    return {
-        run.name: np.array([angle for angle, _ in _seats(campaign, run)]) for run in campaign.runs
-    }
-
-
-def masses_of_runs(campaign: Campaign) -> dict[str, Real]:
-    """Masses in kg of the sensors of `sensors_of_runs`; 0 where none is given."""
-    return {
-        run.name: np.array([campaign.mass_of(name) or 0.0 for _, name in _seats(campaign, run)])
-        for run in campaign.runs
-    }
-
-
-def _seats(campaign: Campaign, run: Run) -> Iterator[tuple[float, str]]:
-    """Angle and channel of each sensor of a run; one that measures several directions once."""
-    seen = set()
-    for each in (*run.responses, *run.others):
-        if each.position_deg is not None and each.position_deg not in seen:
-            yield each.position_deg, each.channel.name
-            seen.add(each.position_deg)
-    if run.reference is not None and campaign.reference_deg is not None:
-        yield campaign.reference_deg, run.reference.name
+Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and residues of ss − cc
 
 
 def unloaded(
@@ -68,6 +44,7 @@ def unloaded(
     excitation_deg: float = 0.0,
     drift: Drift = NO_DRIFT,
     live_mass_kg: float = 0.0,
+    across: Across | None = None,
 ) -> FRF:
     """FRFs of the bare tyre, without the mass of the sensors and that at the load cell.
 
@@ -85,7 +62,7 @@ def unloaded(
     2 % of damping. `live_mass_kg` is between load cell and tyre: the inertance at the force differs
     from run to run as the sensors do, and is known once these are compensated.
     """
-    loading = sensors_deg, mass_kg, excitation_deg, drift
+    loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}
     average = without_live_mass(frf, live_mass_kg, excitation_deg)
     bare, at_force = _bared(average, *loading)
     for _ in range(_LIVE_PASSES if live_mass_kg else 0):
@@ -101,6 +78,7 @@ def _bared(
     mass_kg: float | dict[str, Real],
     excitation_deg: float,
     drift: Drift,
+    across: Across,
 ) -> tuple[FRF, dict[str, Complex]]:
     """FRFs without the mass of the sensors, and the inertance at the force with it by run."""
     fixed = frf.reference
@@ -126,7 +104,10 @@ def _bared(
     shift = _shifts(drift, names, rows.frequency_hz)
     force = np.repeat(circle_basis(np.zeros(1), basis.shape[1] // 2), len(names), axis=0)
     basis, run = np.concatenate([basis, force]), np.append(run, np.arange(len(names)))
-    push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift)
+    known, none = np.full((basis.shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
+    for order, (poles, each) in across.items():
+        known[order - 1 : order] = synthesise(rows.frequency_hz, poles, each[None], none, none)
+    push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift, known)
     values = rows.values + push[: -len(names)]
     bare = replace(frf, values=values[: frf.n_positions])
     if fixed is not None:
@@ -314,8 +295,9 @@ def _noise_of_lines(frf: FRF) -> Real:
 
 
 # Before the runs are asked, ss is known from the orientation of the pair to within this share of
-# cc, and not at all where the pair is driven so one-sidedly that its orientation does not show.
-_KNOWN, _ONE_SIDED = 0.1, 0.02
+# cc, and not at all where the pair is driven so one-sidedly that its orientation does not show; to
+# the last one where several forces show both members.
+_KNOWN, _ONE_SIDED, _SEEN_WHOLE = 0.1, 0.02, 0.03
 # How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
 # stiffness varies by 1 % around it, benchmarks/laboratory.py.
 _TURNED = 0.05
@@ -338,6 +320,7 @@ def mass_push(
     pull: Complex,
     run: NDArray[np.int_],
     shift: Real,
+    across: Complex | None = None,
 ) -> Complex:
     """What the sensors' mass takes from the FRFs of a ring, by least squares line by line.
 
@@ -349,9 +332,12 @@ def mass_push(
     `ema.circumference.orders.circle_basis`, in which rows behind those of `values` are predicted;
     `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that of the sensors of each run on each wave
     per unit force; `run`, (n_rows,), the run of each row; `shift`, (n_runs, n_frequencies), how far
-    its natural frequencies are from the mean.
+    its natural frequencies are from the mean; `across`, (n_orders, n_frequencies), ss − cc or NaN.
     """
     fit = slice(len(values))
+    first = (np.linalg.pinv(basis[fit]) @ values)[1:]
+    apart = np.full((len(first) // 2, noise.size), np.nan + 0j) if across is None else across
+    seen, apart = np.all(np.isfinite(apart), axis=1), np.nan_to_num(apart)
     parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
 
     def taken(lines: slice, pull: Complex) -> Complex:
@@ -360,13 +346,13 @@ def mass_push(
     # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
     alike = _moved(frequency_hz, pull, shift)
     middle = _moved(frequency_hz, values[:, None], shift[run[fit]])[:, 0]
-    cosine, sine = (
-        (np.linalg.pinv(basis[fit]) @ values)[1:].reshape(-1, 2, noise.size).swapaxes(0, 1)
-    )
+    cosine, sine = first.reshape(-1, 2, noise.size).swapaxes(0, 1)
     for _ in range(_PASSES):
         known = [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
         contrast, spread, turned = np.array(known).T
-        trust = noise / np.maximum(spread[:, None] * np.abs(cosine), 1e-6 * noise)
+        contrast[seen], spread[seen] = 0.0, _SEEN_WHOLE
+        size = np.abs(cosine) + np.abs(apart)
+        trust = noise / np.maximum(spread[:, None] * size, 1e-6 * noise)
         shaken = np.concatenate([basis[fit], turned * basis[fit, 2::2]], axis=1)
         shaken[:, 2 : basis.shape[1] : 2] += turned * basis[fit, 1::2]
         found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
@@ -374,7 +360,8 @@ def mass_push(
             system = np.concatenate(
                 [shaken - taken(lines, alike)[:, fit], _prior(contrast, trust[:, lines].T)], axis=1
             )
-            right = np.pad(middle[:, lines].T, ((0, 0), (0, contrast.size)))
+            told = (trust[:, lines] * apart[:, lines]).T
+            right = np.concatenate([middle[:, lines].T, told], axis=1)
             adjoint = system.conj().transpose(0, 2, 1)
             found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
         waves, ss = np.split(found, [basis.shape[1]], axis=1)
@@ -424,7 +411,7 @@ def _taken(basis: Real, pull: Complex) -> Complex:
 
 
 def _prior(contrast: Real, trust: Real) -> Complex:
-    """Rows that say ss = cc − contrast · cs, (n_frequencies, n_orders, n_unknowns)."""
+    """Rows that give ss − (cc − contrast · cs), (n_frequencies, n_orders, n_unknowns)."""
     order = np.arange(contrast.size)
     rows = np.zeros((trust.shape[0], order.size, 1 + 3 * order.size), dtype=complex)
     rows[:, order, 1 + 2 * order] = -trust

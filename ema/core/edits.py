@@ -71,10 +71,14 @@ class PoleName:
 
 @dataclass(frozen=True)
 class ChannelName:
-    """Which FRF row is meant; a channel without run means its rows in all runs."""
+    """Which FRF row is meant; without run those of all runs, without reference those of all forces.
+
+    `reference` is the number of the force, from 1.
+    """
 
     channel: str
     run: str | None = None
+    reference: int | None = None
 
 
 @dataclass(frozen=True)

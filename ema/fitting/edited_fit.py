@@ -1,22 +1,18 @@
-"""Modes from FRFs: by selected poles, by frequencies, automatically, with edits of a person."""
+"""A fit with the edits of a person: what they mean in it, and what is listed then."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ema.core.edits import Edit, EditKind, of_kind, shorthand
-from ema.core.errors import InputError, require_type
-from ema.core.frf import FRF
-from ema.core.frf_arrays import frequencies_of
+from ema.core.edits import Edit, EditKind, of_kind
+from ema.core.errors import InputError
 from ema.core.modes import Chosen, ModalModel, Pair
-from ema.core.numerics import one_blas_thread
-from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.curve_fit import (
     Diagrams,
     Wish,
@@ -28,13 +24,12 @@ from ema.fitting.curve_fit import (
     verified,
     wishes,
 )
+from ema.fitting.joint_orders import joint_curves
 from ema.fitting.listing import Choice, Key, Row, Settled, listed
 from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
-from ema.fitting.search import CurveFit, curve_fit
+from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Real
-from ema.poles.estimators import NO_FRF
-from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +84,26 @@ class _Found:
         if picked:
             self.picked.add(key)
 
+    def against(self, twins: Mapping[Key, Key]) -> _Found:
+        """The same in a fit against another force, whose rows are the twins."""
+        poles = {one[0]: other[0] for one, other in twins.items()}
+
+        def there(own: Mapping[int, Any]) -> dict[int, Any]:
+            return {poles[k]: each for k, each in own.items() if k in poles}
+
+        orders = {twins[key]: order for key, order in self.orders.items() if key in twins}
+        two = {poles[k] for k in self.two if k in poles}
+        return _Found(list(self.added), there(self.starts), there(self.locked), two, orders)
+
     @property
     def refits(self) -> bool:
         """Whether poles have to be fitted again."""
         return bool(self.added or self.starts or self.locked)
+
+    @property
+    def is_anew(self) -> bool:
+        """Whether pairs have to be found again."""
+        return self.refits or bool(self.orders)
 
 
 def edited(
@@ -122,28 +133,140 @@ def edited(
     FitError
         Where an edit means nothing that is there, or several things.
     """
+    before, found = _begun(before, edits, diagrams)
+    curve, after = before.curve, before
+    if found.refits:
+        curve = first_stage or _gone_on(curve, found)
+    if found.is_anew and not live:
+        curve = _judged_anew(curve, before.curve.ring, edits, found)
+    if found.is_anew or found.two:
+        after = _with_orders(curve, found, before)
+    return _listing(after, edits, found, is_preview=found.is_anew and live)
+
+
+def edited_jointly(
+    before: Sequence[EditedFit],
+    edits: Sequence[Edit],
+    diagrams: Diagrams,
+    *,
+    live: bool = False,
+    of_ring: bool = True,
+    refits: bool = True,
+) -> list[EditedFit]:
+    """Fits against each of several forces with the edits of poles, which name modes of the first.
+
+    A mode of the ring is its order's member against each force; another one is the nearest within
+    its half-width, or none. Where poles are fitted again, pairs are found from all forces again.
+
+    Parameters
+    ----------
+    before : sequence of EditedFit
+        Of `joint_curves`.
+    edits, diagrams, live
+        As for `edited`; the diagram is that of the first force.
+    of_ring : bool
+        Whether pairs are found from all forces.
+    refits : bool
+        Whether poles can be fitted again: off a circle those of all forces are fitted at once.
+
+    Raises
+    ------
+    InputError
+        For an edit that fits poles again where they cannot be.
+    """
+    main, found = _begun(before[0], edits, diagrams)
+    alike = [main, *(_begun(each, edits)[0] for each in before[1:])]
+    if not refits and (found.is_anew or found.two):
+        rule = "off a circle the poles of several forces are fitted at once, from the diagram"
+        remedy = "Set modes aside or keep them, leave channels out, or change band or model order"
+        raise InputError("edits", "a pole to be fitted again", rule, remedy)
+    meant = [found, *(found.against(_twins(main, each)) for each in alike[1:])]
+    curves, after = [each.curve for each in alike], alike
+    if found.refits:
+        curves = [_gone_on(curve, own) for curve, own in zip(curves, meant, strict=True)]
+    if found.is_anew and not live:
+        curves = [
+            _judged_anew(curve, each.curve.ring, edits, own)
+            for curve, each, own in zip(curves, alike, meant, strict=True)
+        ]
+    if found.is_anew or found.two:
+        two = {order.order for order in main.curve.ring if order.key in found.two}
+        curves = joint_curves(curves, two)[0] if of_ring else curves
+        curves = [_without_partners(curve, edits) for curve in curves]
+        after = [_with_orders(*each) for each in zip(curves, meant, alike, strict=True)]
+    is_preview = found.is_anew and live
+    first = _listing(after[0], edits, found, is_preview=is_preview)
+    done = [first]
+    for each, old in zip(after[1:], alike[1:], strict=True):
+        twins = _twins(first, each)
+        rows = {row.key for row in each.settled.rows}
+        for k in range(len(found.added)):
+            twin = _n_poles(old) + k, 0
+            twins |= {(_n_poles(main) + k, 0): twin} if twin in rows else {}
+        done.append(replace(each, choice=first.choice.against(twins), is_preview=is_preview))
+    return done
+
+
+def _twins(one: EditedFit, other: EditedFit) -> dict[Key, Key]:
+    """Rows against one force, and the same modes against another."""
+    order_of = {order.key: order.order for order in one.curve.ring if order.is_main}
+    key_of = {order.order: order.key for order in other.curve.ring if order.is_main}
+    there = {row.key: row.mode.pole for row in other.settled.rows}
+    rest = {key: pole for key, pole in there.items() if key[0] not in key_of.values()}
+    found = dict[Key, Key]()
+    for row in one.settled.rows:
+        order = order_of.get(row.key[0])
+        if order in key_of:
+            twin = key_of[order], row.key[1]
+            found |= {row.key: twin} if twin in there else {}
+        elif order is None and rest:
+            near = min(rest, key=lambda key: abs(rest[key] - row.mode.pole))
+            if abs(rest[near] - row.mode.pole) < -row.mode.pole.real:
+                found[row.key] = near
+    return found
+
+
+def _begun(
+    before: EditedFit, edits: Sequence[Edit], diagrams: Diagrams | None = None
+) -> tuple[EditedFit, _Found]:
+    """The fit without partners, if that is wanted, and what the edits mean in it."""
     if of_kind(edits, EditKind.NO_PARTNERS):
         before = _again(before.curve, [_one(order) for order in before.curve.ring])
-    found = _meaning(before, edits, diagrams)
-    curve, anew = before.curve, found.refits or bool(found.orders)
-    if found.refits:
-        curve = first_stage or curve.going_on(
-            added=found.added, starts=found.starts, locked=found.locked
-        )
-    if anew and not live:
-        curve = copy(curve)
-        curve.order_of = {key[0]: order for key, order in found.orders.items()}
-        curve = curve.judged_anew(before.curve.ring)
-        if of_kind(edits, EditKind.NO_PARTNERS):
-            curve.ring = tuple(_one(order) for order in curve.ring)
-    after = before
-    if anew or found.two:
-        after = _with_orders(curve, found, before.curve.fit.poles.size - N_STAND_INS)
+    return before, _meaning(before, edits, diagrams) if diagrams else _Found()
+
+
+def _gone_on(curve: CurveFit, found: _Found) -> CurveFit:
+    return curve.going_on(added=found.added, starts=found.starts, locked=found.locked)
+
+
+def _judged_anew(
+    curve: CurveFit, ring: Sequence[RingOrder], edits: Sequence[Edit], found: _Found
+) -> CurveFit:
+    """Poles that were fitted again, with verdicts on their pairs."""
+    curve = copy(curve)
+    curve.order_of = {key[0]: order for key, order in found.orders.items()}
+    return _without_partners(curve.judged_anew(ring), edits)
+
+
+def _without_partners(curve: CurveFit, edits: Sequence[Edit]) -> CurveFit:
+    if of_kind(edits, EditKind.NO_PARTNERS):
+        curve.ring = tuple(_one(order) for order in curve.ring)
+    return curve
+
+
+def _listing(
+    after: EditedFit, edits: Sequence[Edit], found: _Found, *, is_preview: bool
+) -> EditedFit:
+    """The fit with what is listed of it, which is what was decided."""
     choice = _choice(after, edits, found)
-    result = replace(after, known=after.settled, choice=choice, is_preview=anew and live)
+    result = replace(after, known=after.settled, choice=choice, is_preview=is_preview)
     listed_poles = {mode.pole for mode in result.model.modes}
     verified(result.settled, choice, found.kept, listed_poles)
     return result
+
+
+def _n_poles(fit: EditedFit) -> int:
+    return fit.curve.fit.poles.size - N_STAND_INS
 
 
 def _again(curve: CurveFit, ring: Sequence[RingOrder]) -> EditedFit:
@@ -267,24 +390,26 @@ def _nearest_member(order: RingOrder, pole: complex) -> int:
     return int(np.argmin([abs(member - pole) for member in order.pair.poles]))
 
 
-def _with_orders(curve: CurveFit, found: _Found, n_before: int) -> EditedFit:
+def _with_orders(curve: CurveFit, found: _Found, before: EditedFit) -> EditedFit:
     """Rows of a fit whose orders have two members, or a locked pole, where that was decided.
 
     A further pole that turns out to be the second member of an order gets that member's row.
     """
+    first = _n_poles(before)
+    further = range(first, first + len(found.added))
     ring = []
     for order in curve.ring:
         if any(k in found.locked for k in order.members):
             order = replace(order, pair=None)
         pair_known = order.is_main and order.pair is not None
-        joined = pair_known and any(k >= n_before for k in order.members)
+        joined = pair_known and any(k in further for k in order.members)
         if pair_known and (order.key in found.two or joined):
             order = _two(order)
         for k in order.members if joined else ():
             wish = found.kept.pop((k, 0), None)
             if wish is not None:
                 member = _nearest_member(order, curve.fit.poles[k])
-                found.keep((order.key, member), wish, picked=k >= n_before)
+                found.keep((order.key, member), wish, picked=k in further)
         ring.append(order)
     return _again(curve, ring)
 
@@ -309,80 +434,3 @@ def _choice(after: EditedFit, edits: Sequence[Edit], found: _Found) -> Choice:
     how = {k: Chosen.PICKED if k in found.picked else Chosen.KEPT for k in found.kept}
     only = bool(of_kind(edits, EditKind.ONLY_KEPT))
     return Choice(how, frozenset(aside), only, found.orders, tuple(notes))
-
-
-@one_blas_thread
-def fit_modes(
-    frf: FRF,
-    poles: PoleSelection | ArrayLike | None = None,
-    band_hz: tuple[float, float] | None = None,
-    settings: IdentificationSettings = IDENTIFICATION,
-    *,
-    hz: ArrayLike | None = None,
-) -> ModalModel:
-    """Fit poles, residues and residual terms to all FRFs at once.
-
-    Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
-    poles move within bounds around their start values. Where the FRFs come from blocks of a
-    random excitation, the bias of the window is compensated. Where the natural frequencies differ
-    from run to run by more than chance, each run gets its own state: shapes stay common, all
-    frequencies of a run move together, and the result is that of the first run.
-
-    Parameters
-    ----------
-    frf : FRF
-    poles : PoleSelection or array_like of complex, optional
-        From `select_poles`, or poles in rad/s. Default: the automatic selection.
-    band_hz : tuple of float, optional
-        Band of the result; by default that of the selection, or where coherence is good.
-    settings : IdentificationSettings
-    hz : array_like, optional
-        List only the modes at these frequencies in Hz. The others of the band are fitted too, so
-        that their response is not pressed into these.
-
-    Returns
-    -------
-    ModalModel
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used.
-    FitError
-        If no pole lies in the band, none at a frequency of `hz`, or the fit diverges.
-
-    Examples
-    --------
-    >>> import ringmodal as rm
-    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
-    >>> frf = frf.rows(range(0, 72, 6))  # every 30°, to be quick
-    >>> rm.fit_modes(frf, hz=[78.7, 100.3]).frequencies_hz.round(1)
-    array([ 78.7, 100.3])
-    """
-    require_type("frf", frf, FRF, NO_FRF)
-    require_type("settings", settings, IdentificationSettings, "Leave it out")
-    pinned = None if hz is None else frequencies_of("hz", hz)
-    if poles is None:
-        band_hz = band_hz or _around(frf, pinned or ())
-        selection = select_poles(build_stability(frf, band_hz, settings=settings))
-    elif pinned is not None:
-        rule = "modes are given by their poles or by their frequencies"
-        raise InputError("fit_modes", "poles and hz", rule, "Leave one of them out")
-    else:
-        selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    curve = curve_fit(frf, selection, band_hz or selection.band_hz, settings)
-    fit = EditedFit(curve, settled(curve))
-    if pinned is None:
-        return fit.model
-
-    def diagram(method: str | None) -> StabilityDiagram:
-        return build_stability(frf, selection.band_hz, method=method or "lsce", settings=settings)
-
-    return edited(fit, shorthand(pinned), diagram).model
-
-
-def _around(frf: FRF, hz: tuple[float, ...]) -> tuple[float, float]:
-    """The band of views, widened to some frequencies and a fifth beyond."""
-    low, high = frf.shown_band_hz()
-    far = min(max([high, *(1.2 * each for each in hz)]), float(frf.frequency_hz[-1]))
-    return min([low, *(0.8 * each for each in hz)]), far

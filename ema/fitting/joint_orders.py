@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -12,27 +12,30 @@ from ema.core.modes import synthesise
 from ema.core.numerics import one_blas_thread
 from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch, RingOrder, in_one_state, synthesis_of
-from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
+from ema.fitting.order_pair import OrderFrf, Seen, joint_report, pair_problem
+from ema.fitting.pole_fit import N_STAND_INS
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real
 
-# Of poles up to so many half-widths away, an order may hold any part: what one pole leaves of its
-# pair is in their residues, and they are not subtracted.
-_BESIDE = 7.0
+# Sensors mix of one order into another so many times what is the median of all.
+_MIXED = 3.0
 # Orders change alike from force to force to these shares of frequency and decay.
 _UNEVEN = np.array([2e-5, 1e-3])
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
 # fifth of the error.
 _ROUNDS = 4
+_BOTH = [0, 1]  # members
 
 
 @one_blas_thread
-def joint_curves(curves: Sequence[CurveFit]) -> tuple[list[CurveFit], tuple[ForceState, ...]]:
+def joint_curves(
+    curves: Sequence[CurveFit], two: Collection[int] = ()
+) -> tuple[list[CurveFit], tuple[ForceState, ...]]:
     """Fits of one ring against each of several forces, with the pairs that all of them show.
 
     What one pole for each order leaves of a pair looks like a drift of the runs: their states are
-    found again with the pairs.
+    found again with the pairs. Orders in `two` have both members whatever the data tell.
     """
     curves = _with_all_orders(curves)
     joint = _JointSearch(curves)
@@ -40,7 +43,7 @@ def joint_curves(curves: Sequence[CurveFit]) -> tuple[list[CurveFit], tuple[Forc
         joint.search()
         joint = _JointSearch([joint.with_run_states(k) for k in range(len(curves))], joint)
     joint.search(is_last=True)
-    return [joint.with_ring(k) for k in range(len(curves))], joint.states
+    return [joint.with_ring(k, two) for k in range(len(curves))], joint.states
 
 
 class _JointSearch:
@@ -50,7 +53,11 @@ class _JointSearch:
         self.curves = curves
         self.searches = [curve.pair_search() for curve in curves]
         by_order = [
-            {order.order: led for order in curve.ring if (led := _led(order, search))}
+            {
+                order.order: led
+                for order in curve.ring
+                if (led := _led(order, search)) and not {*order.members} & {*curve.locked}
+            }
             for curve, search in zip(curves, self.searches, strict=True)
         ]
         shared = set(by_order[0]).intersection(*by_order[1:])
@@ -61,6 +68,8 @@ class _JointSearch:
             self.states, self.joint = before.states, before.joint
         for force, search in enumerate(self.searches):
             _take_as_known(search, self._of_force(force))
+        self.whole = [_whole(search) for search in self.searches]
+        self.mixed = [_mixed_sizes(search) for search in self.searches]
 
     def search(self, *, is_last: bool = False) -> None:
         """Fit all orders; states of the forces stay in the last search, which gives verdicts."""
@@ -72,13 +81,12 @@ class _JointSearch:
         if fits and not is_last:
             self.states = (SAME_STATE, *_states([fit for fit, _ in fits.values()]))
 
-    def with_ring(self, force: int) -> CurveFit:
-        """The fit of a force with the orders that both members are determined of."""
+    def with_ring(self, force: int, two: Collection[int] = ()) -> CurveFit:
+        """The fit of a force with the orders that both members are determined of, or wanted."""
         curve = copy(self.curves[force])
+        both = {n for n, orders in self.joint.items() if n in two or orders[0].is_resolved}
         curve.ring = tuple(
-            self.joint[each.order][force]
-            if each.is_main and each.order in self.joint and self.joint[each.order][0].is_resolved
-            else each
+            self.joint[each.order][force] if each.is_main and each.order in both else each
             for each in curve.ring
         )
         return curve
@@ -96,16 +104,24 @@ class _JointSearch:
     def _of_force(self, force: int) -> list[RingOrder]:
         return [each[force] for each in self.joint.values()]
 
+    def _seen(self, force: int, order: int, members: list[int]) -> Seen:
+        """All that is seen of an order; of other poles it holds what sensors mix into it."""
+        search = self.searches[force]
+        seen = search.seen_of(order, members)
+        own = search.decomposition.order(order, search.lines, self.whole[force])
+        poles = search.middle.poles
+        others = [k for k in range(poles.size) if k not in members]
+        beside, sizes = poles[others].tolist(), self.mixed[force][others].tolist()
+        known = replace(seen.known, beside=tuple(beside), beside_size=tuple(sizes))
+        return replace(seen, values=own.seen_from(seen.force_rad).values, known=known)
+
     def _fitted(
         self, order: int, states: Sequence[ForceState], is_last: bool
     ) -> tuple[JointFit, list[RingOrder]] | None:
         """Joint fit of an order, and the order as each force shows it in its first run's state."""
         alone = self.alone[order]
-        seen = [
-            search.seen_of(order, list(each.members), reach=_BESIDE)
-            for search, each in zip(self.searches, alone, strict=True)
-        ]
-        start, axes_rad = complex(np.mean([each.start for each in seen])), seen[0].force_rad
+        seen = [self._seen(force, order, list(each.members)) for force, each in enumerate(alone)]
+        start, axes_rad = _common_start([each.start for each in seen]), seen[0].force_rad
         turned = [each.force_rad - axes_rad for each in seen]
         own = [
             OrderFrf(order, each.frequency_hz, each.values, each.std).seen_from(-angle)
@@ -139,6 +155,34 @@ class _JointSearch:
         return fit, orders
 
 
+def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, Complex]]]:
+    """Against each force, how each order answers across it less how it answers along it.
+
+    By order the poles of its members and their residues: what one force does not see of a pair.
+    The residue of a member for a force on its crest is that against the force which drives it most.
+    """
+    rings = [{o.order: o for o in curve.ring if o.is_resolved and o.jointly} for curve in curves]
+    forces_rad = np.deg2rad([curve.frf.excitation_deg for curve in curves])
+    found: list[dict[int, tuple[Complex, Complex]]] = [{} for _ in curves]
+    for order, first in rings[0].items():
+        away = order * forces_rad - first.seen.force_rad
+        along = np.stack([np.cos(away), np.sin(away)], axis=1)
+        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        pairs = [ring[order].pair for ring in rings]
+        residues = np.array([pair.residues for pair in pairs if pair])  # (n_forces, members, 2)
+        strongest = residues[np.argmax(np.linalg.norm(residues, axis=2), axis=0), _BOTH]
+        phase = np.exp(-0.5j * np.angle(np.sum(strongest**2, axis=1)))
+        crest = (strongest * phase[:, None]).real
+        crest /= np.linalg.norm(crest, axis=1)[:, None]
+        drive = along @ crest.T  # (n_forces, members)
+        most = np.argmax(np.abs(drive), axis=0)
+        whole = np.sum(residues[most, _BOTH] * crest, axis=1) / drive[most, _BOTH]
+        change = whole * ((across @ crest.T) ** 2 - drive**2)
+        for own, ring, each in zip(found, rings, change, strict=True):
+            own[order] = ring[order].poles, each
+    return found
+
+
 def _with_all_orders(curves: Sequence[CurveFit]) -> list[CurveFit]:
     """Fits with poles added for orders of the ring that only other forces show."""
     main = [{o.order: o.pair for o in c.ring if o.is_main and o.pair} for c in curves]
@@ -158,6 +202,34 @@ def _led(order: RingOrder, search: PairSearch) -> RingOrder | None:
     members = tuple(sorted(order.members, key=lambda k: k not in search.directions))
     known = order.is_main and order.pair is not None and members[0] in search.directions
     return replace(order, members=members) if known else None
+
+
+def _common_start(starts: Sequence[complex]) -> complex:
+    """Mean of the poles that forces start from, without those that only fill a gap: broad ones."""
+    narrow = max(starts, key=lambda pole: pole.real)
+    return complex(np.mean([pole for pole in starts if abs(pole - narrow) < -narrow.real]))
+
+
+def _whole(search: PairSearch) -> Complex:
+    """FRFs in one state with all that their poles have: nothing of an order is subtracted."""
+    every = range(search.middle.poles.size)
+    return search.left + synthesis_of(search.middle, every, residual_terms=False)
+
+
+def _mixed_sizes(search: PairSearch) -> Real:
+    """How much of each pole another order may hold (1 σ), by what the sensors mix.
+
+    Of a pole that is of no order of the ring it may hold as much as there is. Those in the place of
+    modes above the lines are of orders above.
+    """
+    fit = search.middle
+    size = np.sqrt(2 * np.mean(np.abs(fit.residues) ** 2, axis=0)) * 2 * fit.poles.imag
+    share = np.ones(fit.poles.size)
+    strays = {n: search.stray(n, found, fit.poles[found[0]])[0] for n, found in search.orders}
+    for n, found in search.orders:
+        share[found] = strays[n]
+    share[-N_STAND_INS:] = np.median(list(strays.values()))
+    return np.asarray(_MIXED * share * size)
 
 
 def _take_as_known(search: PairSearch, orders: Sequence[RingOrder]) -> None:

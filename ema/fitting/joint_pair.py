@@ -245,7 +245,8 @@ class JointProblem:
             blocks.append(block.reshape(n_columns, -1))
             rights.append((problem.inside * problem.weight[:, None]).ravel())
         wave = max(problem.wave_std for problem in self.problems)
-        stray = np.repeat([wave, _GAIN], [_MIXING, n_forces]) * self.amplitude
+        gains = [np.hypot(_GAIN, problem.drive_std) for problem in self.problems]
+        stray = np.array([*[wave] * _MIXING, *gains]) * self.amplitude
         prior = np.zeros((n_columns, n_columns - 1), dtype=complex)
         prior[1:] = np.diag(1 / np.maximum(stray, 1e-300))
         columns = np.concatenate([*blocks, prior], axis=1)

@@ -167,6 +167,13 @@ class Choice:
     order: Mapping[Key, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
+    def against(self, twins: Mapping[Key, Key]) -> Choice:
+        """The same of a fit against another force, whose rows are the twins."""
+        chosen = {twins[key]: how for key, how in self.chosen.items() if key in twins}
+        order = {twins[key]: number for key, number in self.order.items() if key in twins}
+        aside = frozenset(twins[key] for key in self.aside if key in twins)
+        return Choice(chosen, aside, self.only_chosen, order)
+
     def lists(self, row: Row) -> bool:
         """Whether a row is listed."""
         if not row.in_band or row.key in self.aside:

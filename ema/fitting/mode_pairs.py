@@ -103,7 +103,7 @@ class RingOrder:
 
     def followers(self, fit: PoleFit, position_deg: NDArray[np.float64]) -> set[int]:
         """Poles that only follow what one pole leaves of a pair that several forces determine."""
-        if not (self.jointly and self.is_resolved and self.pair):
+        if not (self.jointly and self.pair):
             return set()
         within = np.abs(fit.poles - self.pair.mean) < -self.pair.mean.real
         within[[*self.members, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
@@ -284,15 +284,13 @@ class PairSearch:
         pair = self.in_first_state(problem.solve_near(before.pair), seen.start)
         return replace(before, pair=pair, seen=base)
 
-    def seen_of(
-        self, order: int, found: list[int], near: Real | None = None, reach: float = _SHARED
-    ) -> Seen:
-        """What is seen of one order, and known of it; poles within `reach` half-widths are free."""
+    def seen_of(self, order: int, found: list[int], near: Real | None = None) -> Seen:
+        """What is seen of one order, and known of it; poles in the same resonance are free."""
         middle, radians = self.middle, order * np.pi / 180
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
         poles = self.fit.lines.drifted(self.fit.poles, self.state)
         start = complex(np.average(poles[found], weights=power))
-        beside = _beside(poles, found, reach)
+        beside = _beside(poles, found)
         given = [k for key in [*found, *beside] for k in (key, *self.further.get(key, ()))]
         own = self.left + synthesis_of(middle, given, residual_terms=False)
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
@@ -301,9 +299,9 @@ class PairSearch:
         seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
         alone = tuple(poles[beside].tolist())
         stray, mixed = self.stray(order, found, start)
-        known = Known(
-            float(np.hypot(spread, mixed)), stray, self.correlation, self.settings, alone, near
-        )
+        direction = float(np.hypot(spread, mixed))
+        about = direction, stray, self.correlation, self.settings, alone, near
+        known = Known(*about, drive_std=mixed)
         return Seen(seen.frequency_hz, seen.values, seen.std, start, known, force_rad)
 
     def stray(self, order: int, found: list[int], pole: complex) -> tuple[float, float]:
@@ -313,7 +311,7 @@ class PairSearch:
         and to what drives it. Less what noise does. Beside another order, three poles for each are
         not told apart, and one pole has what those of the other leave of its waves.
         """
-        beside = _beside(self.fit.poles, found, _SHARED)
+        beside = _beside(self.fit.poles, found)
         own = [*found, *self.further.get(found[0], ())]
         shapes = self.fit.residues[:, found] if beside else self.middle.residues[:, own]
         power = np.sum(np.abs(self.decomposition.waves(shapes.sum(axis=1))) ** 2, axis=1)
@@ -365,10 +363,10 @@ def _inside(
     return [each for each in orders if each[0] and low <= modes[each[1][0]].frequency_hz <= high]
 
 
-def _beside(poles: Complex, own: Sequence[int], reach: float) -> list[int]:
+def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
     """Poles that share the resonance of an order's own."""
     widest = np.maximum.outer(-poles.real, -poles[own].real)
-    near = np.any(np.abs(poles[:, None] - poles[own]) < reach * widest, axis=1)
+    near = np.any(np.abs(poles[:, None] - poles[own]) < _SHARED * widest, axis=1)
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 

@@ -36,10 +36,8 @@ _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
 _MOST_LOOKS, _FIRST_LOOK, _LAST_LOOK = 3, 15, 40  # starts, evaluations from each
 _ENOUGH, _FLAT = 1e-6, 1e-8  # relative gain not worth another step, and slope
-# Dimensions that hold every pole near the resonance to 1e-6.
-_DIMENSIONS = 20
-# Amplitude and E, complex; the background of the two rows is taken out of the basis.
-_N_LINEAR = 5
+_DIMENSIONS = 20  # hold every pole near the resonance to 1e-6
+_N_LINEAR = 5  # amplitude and E, complex; the background of the two rows is not in the basis
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +104,12 @@ class Known:
     correlation : float
         Lines that share the information of one.
     settings : IdentificationSettings
-    beside : tuple of complex
-        Poles of other orders in the same resonance, of which this order may hold any part.
+    beside, beside_size : tuple of complex, tuple of float
+        Poles of other orders of which this one may hold any part, or so much (1 σ).
     near : ndarray, optional
         Parameters of `PairProblem` near which the pair is.
+    drive_std : float
+        What waves of other orders change in what drives it (1 σ, relative).
     """
 
     force_std_rad: float
@@ -118,6 +118,8 @@ class Known:
     settings: IdentificationSettings = IDENTIFICATION
     beside: tuple[complex, ...] = ()
     near: Real | None = None
+    beside_size: tuple[float, ...] = ()
+    drive_std: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +160,7 @@ class PairProblem:
         noise_known: bool = True,
     ) -> None:
         self.noise_known = noise_known
-        self.wave_std = known.wave_std
+        self.wave_std, self.drive_std = known.wave_std, known.drive_std
         settings, self.near = known.settings, known.near
         self.omega, self.values = 2 * np.pi * frequency_hz, values
         self.size, self.ratio, self.settings = abs(start), -start.real / abs(start), settings
@@ -166,11 +168,18 @@ class PairProblem:
         self.n_independent = 4 * frequency_hz.size / known.correlation
         alike = settings.pair_split, settings.pair_damping_likeness
         self.priors = np.array([*np.repeat(alike, 2), known.force_std_rad])
-        beside = [wave / np.linalg.norm(wave) for wave in self._alone(np.array(known.beside))]
-        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2, *beside]
+        beside = self._alone(np.array(known.beside))
+        free = [] if known.beside_size else [wave / np.linalg.norm(wave) for wave in beside]
+        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2, *free]
         self.ground = np.linalg.qr(np.array(ground).T)[0]
+        self.held, self.held_share = np.zeros((0, self.omega.size), dtype=complex), np.zeros(0)
+        if known.beside_size:  # what the rows may hold of these waves (1 σ) counts less
+            allowed = np.array(known.beside_size)[:, None] / np.sqrt(np.mean(self.std**2))
+            _, size, self.held = np.linalg.svd(self._above_ground(beside * allowed), False)
+            self.held_share = 1 - 1 / np.hypot(1, size)
         self.basis = self._span()
-        self.to_basis = self.basis.conj()
+        to_basis = self.basis.conj()
+        self.to_basis = to_basis - (self.held.conj().T * self.held_share) @ (self.held @ to_basis)
         self.inside = values @ self.to_basis
         outside = self._above_ground(values) - self.inside @ self.basis.T
         self.outside = np.sum(np.abs(outside) ** 2, axis=1)
@@ -195,7 +204,8 @@ class PairProblem:
         return np.asarray(self.omega**2 / (away[0] * away[1]))
 
     def _above_ground(self, values: Complex) -> Complex:
-        return np.asarray(values - (values @ self.ground.conj()) @ self.ground.T)
+        above = values - (values @ self.ground.conj()) @ self.ground.T
+        return np.asarray(above - ((above @ self.held.conj().T) * self.held_share) @ self.held)
 
     def _states(self, x: Real) -> tuple[Complex, Complex, Complex]:
         """Pole s and coupling δ_c, δ_s of many parameter sets, (n_sets,) each."""

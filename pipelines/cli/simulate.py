@@ -132,17 +132,19 @@ def campaign(
     """  # noqa: D406, D407 - a heading of the help
     common: dict[str, Any] = {"seed": seed, "snr_db": snr_db, "sensor_mass_kg": sensor_mass_kg}
     common |= {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
-    laboratory = effects_of(effects, effect or (), common)
+    places = force_deg or [0.0]
+    moved = {"force_deg": places[0], "further_forces_deg": places[1:]} if force_deg else {}
+    laboratory = effects_of(effects, effect or (), common | moved)
     with reporting_outcome(folder):
         if laboratory is None:
             common |= {"file_format": file_format, "split_percent": split_percent}
             common |= {"shaker_between": shaker_between, "drift_percent": drift_percent}
-            common |= {"force_deg": force_deg or (0.0,), "at_once": at_once}
+            common |= {"force_deg": places, "at_once": at_once}
             written = simulate_campaign(folder, **common)
         else:
-            if (file_format, split_percent, drift_percent, force_deg) != ("uff", 0.0, 0.0, None):
-                found = "given with --format csv, --split-percent, --drift-percent or --force-deg"
-                rule = "effects are written as universal files and have their own pairs and drift"
+            if (file_format, split_percent, drift_percent, at_once) != ("uff", 0.0, 0.0, False):
+                found = "given with --format csv, --split-percent, --drift-percent or --at-once"
+                rule = "effects have files, pairs and drift of their own, and one shaker"
                 remedy = "Use the effects stiffness_variation, temperature_drift or pressure_drift"
                 raise InputError("--effect", found, rule, remedy)
             written = simulate_laboratory(folder, laboratory)

@@ -26,7 +26,7 @@ from ema.core.errors import FitError, InputError
 from ema.core.finding import Check, Finding
 from ema.core.frf import FRF
 from ema.core.numerics import one_blas_thread
-from ema.core.references import References
+from ema.core.references import References, mapped
 from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
@@ -163,7 +163,7 @@ def decided_on(
         The automatic identification, where it is at hand.
     """
     assert result.setup is not None
-    mass = result.setup.sensor_mass
+    mass, frfs = result.setup.sensor_mass, result.frfs
     before, now = (asked.changed(settings_of(each)) for each in (result.edits, edits))
     automatic = result.automatic or automatic_modes(result.modal_model)
     misfit = result.automatic_misfit if result.automatic else result.modal_model.misfit
@@ -171,13 +171,12 @@ def decided_on(
         if now.estimator != before.estimator and result.measured.blocks is None:
             rule, remedy = "FRFs from a file are as they are", "Leave the estimator out"
             raise InputError("estimator", repr(now.estimator), rule, remedy)
-        measured = restated(result.measured, now.estimator)
-        found = now.identify(measured, mass)
+        frfs = mapped(frfs, lambda frf: restated(frf, now.estimator))
+        found = now.identify(frfs, mass)
         plain = with_modes(result, found, now.checks).modal_model
         automatic, misfit = automatic_modes(plain), plain.misfit
-        result = replace(result, measured=measured)
     if found is None:
-        found = now.identify(result.measured, mass, edits)
+        found = now.identify(frfs, mass, edits)
     elif edits:
         found = refit_modes(found, edits)
     again = with_modes(result, found, now.checks)
@@ -275,7 +274,7 @@ def cost(
     if asked.changed(settings_of(edits)) != force or of_blocks(edits) != of_blocks(result.edits):
         rule = "costs compare fits of the same lines"
         raise InputError("--try", "another band or estimator", rule, "Refit without --try")
-    found = force.identify(result.measured, result.setup.sensor_mass, result.edits)
+    found = force.identify(result.frfs, result.setup.sensor_mass, result.edits)
     return edit_cost(found, edits)
 
 
@@ -304,10 +303,6 @@ def refittable(source: Result | Path | str, *, accept_changes: bool = False) -> 
         rule = "it holds too little for the same numbers as from the recordings"
         remedy = "Process the recordings again, with --edits for decisions"
         raise InputError(where, f"a result of ringmodal {version}", rule, remedy)
-    if result.references:
-        rule = "decisions act on the FRFs of one force"
-        remedy = "Process the runs of one force by themselves, and decide there"
-        raise InputError(where, f"a result of {1 + len(result.further)} forces", rule, remedy)
     return result
 
 

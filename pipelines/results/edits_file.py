@@ -234,9 +234,13 @@ def _edit(where: str, entry: Any) -> Edit:
     if kind in OF_POLES:
         parts["pole"] = _pole(where, _needed(where, entry, "pole", dict))
     if kind in OF_CHANNELS:
-        run = entry.get("run")
+        run, number = entry.get("run"), entry.get("reference")
         of_run = None if run is None else _typed(where, "run", run, str)
-        parts["channel"] = ChannelName(_needed(where, entry, "channel", str), of_run)
+        if number is not None and (type(number) is not int or number < 1):
+            rule = "it is the number of a force: 1, 2, …"
+            raise InputError(where, f"reference = {number!r}", rule, "Correct it")
+        name = _needed(where, entry, "channel", str)
+        parts["channel"] = ChannelName(name, of_run, number)
     if kind is EditKind.RUN_OUT:
         parts["run"] = _needed(where, entry, "run", str)
     if kind in (EditKind.GAIN, EditKind.ORDER_IS):
@@ -256,7 +260,8 @@ def _names_of(kind: EditKind) -> tuple[str, ...]:
     if kind in OF_POLES:
         return ("pole", "value") if kind is EditKind.ORDER_IS else ("pole",)
     if kind in OF_CHANNELS:
-        return ("channel", "run", "value") if kind is EditKind.GAIN else ("channel", "run")
+        names = "channel", "run", "reference"
+        return (*names, "value") if kind is EditKind.GAIN else names
     return {EditKind.RUN_OUT: ("run",), EditKind.SETTINGS: ("settings",)}.get(kind, ())
 
 

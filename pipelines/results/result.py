@@ -22,6 +22,7 @@ from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
 from ema.core.numerics import frame_of
+from ema.core.references import References
 from ema.fitting.listing import counterpart
 from ema.identify import Identification
 from ema.poles.stability import Opinion, StabilityDiagram
@@ -296,6 +297,11 @@ class Result:
     stored: Stored | None = None
     references: tuple[DrivenMode, ...] = ()
     further: tuple[FRF, ...] = ()
+
+    @property
+    def frfs(self) -> FRF | References:
+        """FRFs as measured, of one force or of several."""
+        return References((self.measured, *self.further)) if self.further else self.measured
 
     @property
     def torsion(self) -> OtherMode | None:

@@ -88,6 +88,7 @@ class StoredMass:
     live_mass_kg: float
     drift: StoredDrift | None = None
     own_kg: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    across: dict[int, tuple[tuple[Two, ...], tuple[Two, ...]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,20 @@ class StoredForce:
     channel: str
     plan: BlockPlan
     is_steady: bool
+
+
+@dataclass(frozen=True)
+class StoredFurther:
+    """FRFs against a further force, without their table."""
+
+    excitation_deg: float
+    force_node: int
+    force_axis: int
+    blocks: BlockPlan | None
+    n_effective: float
+    exponential_window: ExponentialWindow | None
+    rows: dict[str, tuple[float, ...]]
+    forces: tuple[StoredForce, ...]
 
 
 @dataclass(frozen=True)
@@ -148,6 +163,7 @@ class Stored:
     references: tuple[DrivenMode, ...] = ()
     cmif: tuple[tuple[float, ...], ...] = ()
     mif: tuple[tuple[float, ...], ...] = ()
+    further: tuple[StoredFurther, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -221,11 +237,13 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
         groups = held.sensors_deg, held.own_kg
         seats, masses = ({run: len(each) for run, each in group.items()} for group in groups)
         yield "sensor_mass", [masses] if masses != seats else [], "needs a mass for each sensor"
-    for plan in [*([found.blocks] if found.blocks else []), *(each.plan for each in found.forces)]:
+    every: tuple[Stored | StoredFurther, ...] = (found, *found.further)
+    plans = [each.blocks for each in every if each.blocks]
+    for plan in [*plans, *(force.plan for each in every for force in each.forces)]:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)
         wrong = [plan] if not (min(counts) > 0 and plan.period_samples >= 0) else []
         yield "blocks", wrong, "lengths and rates must be > 0"
-    if (window := found.exponential_window) is not None:
+    for window in (each.exponential_window for each in every if each.exponential_window):
         bad = [] if window.time_constant_s > 0 and window.std_s >= 0 else [window]
         yield "exponential_window", bad, "its time constant must be > 0"
     if (tyre := found.tyre) is not None:

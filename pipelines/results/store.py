@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -32,7 +33,7 @@ from pipelines.results import schema
 from pipelines.results.edits_file import edits_of
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
 from pipelines.results.result import Result, Setup, Stored
-from pipelines.results.tables import in_band, read_frf, read_frfs, write_frfs
+from pipelines.results.tables import in_band, read_frfs, write_frfs
 from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
 from pipelines.storage.tables import Table, write_parquet
@@ -42,6 +43,10 @@ RESIDUES_NAME = "residues.parquet"
 REFERENCE_NAME = "reference.parquet"
 FORCE_NAME = "force.parquet"
 _OF_ROWS = ("clipped", "force_clipped", "missing", "disagreement")
+_OF_FURTHER = (
+    *("excitation_deg", "force_node", "force_axis"),
+    *("blocks", "n_effective", "exponential_window"),
+)
 
 _ATTEMPTS = 20  # another process may keep replacing the result
 _SMALLEST_RESIDUE = 1e-100  # far below any measured inertance; its square is still a double
@@ -128,10 +133,10 @@ def write_identification(result: Result, folder: Path) -> None:
     )
     content = {name: getattr(source, name) for source, names in sources for name in names}
     measured = result.measured
-    content["rows"] = {name: getattr(measured, name) for name in _OF_ROWS}
-    content["forces"] = [
-        {"run": run, "channel": each.force.name, "plan": each.plan, "is_steady": each.is_steady}
-        for run, each in measured.forces.items()
+    content |= _about_rows(measured)
+    content["further"] = [
+        _about_rows(each) | {name: getattr(each, name) for name in _OF_FURTHER}
+        for each in result.further
     ]
     text = json.dumps(content, default=_as_json)
     (folder / JSON_NAME).write_text(text, encoding="utf-8", newline="\n")
@@ -144,12 +149,21 @@ def write_identification(result: Result, folder: Path) -> None:
     write_parquet(folder / RESIDUES_NAME, frame_of(columns))
 
 
+def _about_rows(frf: FRF) -> dict[str, Any]:
+    """What is known of the rows and forces of FRFs beside their table."""
+    forces = [
+        {"run": run, "channel": each.force.name, "plan": each.plan, "is_steady": each.is_steady}
+        for run, each in frf.forces.items()
+    ]
+    return {"rows": {name: getattr(frf, name) for name in _OF_ROWS}, "forces": forces}
+
+
 def write_measured(result: Result, folder: Path) -> None:
     """Write the FRFs as measured and the forces, or copy them from where they were read."""
     stored, frf = result.stored, result.measured
     if stored is None or stored.measured is not frf or not _copied(stored, folder):
         write_frfs((frf, *result.further), folder)
-        _write_forces(frf, folder / FORCE_NAME)
+        _write_forces((frf, *result.further), folder / FORCE_NAME)
 
 
 def _copied(stored: Stored, folder: Path) -> bool:
@@ -165,9 +179,12 @@ def _copied(stored: Stored, folder: Path) -> bool:
     return True
 
 
-def _write_forces(frf: FRF, path: Path) -> None:
-    """Write the force of each run as far as blocks reach, run after run; nothing without any."""
-    samples = {run: _samples(each) for run, each in frf.forces.items()}
+def _write_forces(every: Sequence[FRF], path: Path) -> None:
+    """Write the force of each run as far as blocks reach, run after run; nothing without any.
+
+    Forces at several places have runs of their own.
+    """
+    samples = {run: _samples(each) for frf in every for run, each in frf.forces.items()}
     if not samples:
         return
     force = np.concatenate(list(samples.values()))
@@ -183,14 +200,14 @@ def _samples(record: ForceRecord) -> NDArray[np.float64]:
     return record.force.block(0, plan.starts[-1] + plan.block_samples)
 
 
-def _read_forces(path: Path, stored: schema.Stored) -> dict[str, ForceRecord]:
+def _read_forces(path: Path, forces: Sequence[schema.StoredForce]) -> dict[str, ForceRecord]:
     """Force of each run; none where they are not stored, as by earlier versions."""
-    if not stored.forces or not path.is_file():
+    if not forces or not path.is_file():
         return {}
     table = Table(path)
     (of_run, names), force = table.texts("run"), table.numbers("force_n")
     found = {}
-    for each in stored.forces:
+    for each in forces:
         own = force[of_run == names.index(each.run)] if each.run in names else force[:0]
         if own.size != each.plan.starts[-1] + each.plan.block_samples:
             raise table.unusable(f"{own.size} samples of {each.run}", "they must fill its blocks")
@@ -257,44 +274,67 @@ def _mass(held: schema.StoredMass | None) -> SensorMass | None:
     seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
     drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
     own = {run: np.array(masses) for run, masses in held.own_kg.items()}
-    return SensorMass(held.mass_kg, seats, held.excitation_deg, held.live_mass_kg, drift, own)
+    across = {
+        order: (_complex(poles), _complex(residues))
+        for order, (poles, residues) in held.across.items()
+    }
+    of_tyre = held.excitation_deg, held.live_mass_kg, drift
+    return SensorMass(held.mass_kg, seats, *of_tyre, own, across)
+
+
+def _complex(pairs: Sequence[schema.Two]) -> NDArray[np.complex128]:
+    return np.array([complex(*each) for each in pairs])
 
 
 def _read_measured(
     folder: Path, stored: schema.Stored, estimator: str
 ) -> tuple[FRF, tuple[FRF, ...]]:
     """FRFs as measured, those of the fixed sensor among them, and those of further forces."""
-    frf, *others = read_frfs(folder / "frf.parquet")
-    of_rows: dict[str, Any] = {name: np.array(stored.rows[name]) for name in stored.rows}
-    if {*of_rows} - {*_OF_ROWS} or {each.size for each in of_rows.values()} - {frf.n_positions}:
-        rule = f"one value for each of the {frf.n_positions} FRFs"
-        raise InputError(f"{folder / JSON_NAME}, rows", "another number", rule, schema.REMEDY)
+    frf, *others = (each for _, each in sorted(read_frfs(folder / "frf.parquet").items()))
+    fixed = {}
+    if (folder / REFERENCE_NAME).is_file():
+        fixed = _read_references(folder / REFERENCE_NAME, stored.band_hz)
+    of_rows = _of_rows(folder / JSON_NAME, stored.rows, frf)
     frf = replace(
         frf,
         blocks=stored.blocks,
         n_effective=stored.n_effective,
-        forces=_read_forces(folder / FORCE_NAME, stored),
+        forces=_read_forces(folder / FORCE_NAME, stored.forces),
+        reference=_by(estimator, fixed.get(1)),
         excitation_deg=np.nan if stored.excitation_deg is None else stored.excitation_deg,
         exponential_window=stored.exponential_window,
         estimator=estimator,
         **of_rows,
     )
     _require_rows(folder / JSON_NAME, stored, frf.n_positions)
-    if (folder / REFERENCE_NAME).is_file():
-        fixed = _read_reference(folder / REFERENCE_NAME, stored.band_hz)
-        frf = replace(frf, reference=replace(fixed, estimator=estimator))
-    places = {each.reference: each for each in stored.references}
+    if len(others) != len(stored.further):
+        found, rule = f"{len(others)} in frf.parquet", f"{len(stored.further)} are described"
+        raise InputError(f"{folder / JSON_NAME}, further", found, rule, schema.REMEDY)
     further = [
         replace(
             other,
-            excitation_deg=places[k].position_deg,
-            force_node=places[k].node,
-            force_axis=places[k].axis,
+            **{name: getattr(known, name) for name in _OF_FURTHER},
+            forces=_read_forces(folder / FORCE_NAME, known.forces),
+            reference=_by(estimator, fixed.get(number)),
+            estimator=estimator,
+            **_of_rows(folder / JSON_NAME, known.rows, other),
         )
-        for k, other in enumerate(others, start=2)
-        if k in places
+        for number, (other, known) in enumerate(zip(others, stored.further, strict=True), 2)
     ]
     return frf, tuple(further)
+
+
+def _by(estimator: str, fixed: FRF | None) -> FRF | None:
+    return None if fixed is None else replace(fixed, estimator=estimator)
+
+
+def _of_rows(path: Path, stored: Mapping[str, Sequence[float]], frf: FRF) -> dict[str, Any]:
+    """What is stored of each row of FRFs beside their table."""
+    of_rows: dict[str, Any] = {name: np.array(each) for name, each in stored.items()}
+    if {*of_rows} - {*_OF_ROWS} or {each.size for each in of_rows.values()} - {frf.n_positions}:
+        rule = f"one value for each of the {frf.n_positions} FRFs"
+        raise InputError(f"{path}, rows", "another number", rule, schema.REMEDY)
+    return of_rows
 
 
 def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
@@ -307,14 +347,16 @@ def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
         raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)
 
 
-def _read_reference(path: Path, band_hz: schema.Two) -> FRF:
-    frf = read_frf(path)
-    n_lines = np.count_nonzero(in_band(frf.frequency_hz, band_hz))
-    if frf.n_positions < 2 or not n_lines or np.any(frf.std == 0):
-        found = f"{frf.n_positions} runs, {n_lines} frequencies in the band"
-        rule = "the check needs two or more runs, frequencies in the band, and noise"
-        raise InputError(str(path), found, rule, schema.REMEDY)
-    return frf
+def _read_references(path: Path, band_hz: schema.Two) -> dict[int, FRF]:
+    """FRFs of the fixed sensor, by the number of the force."""
+    every = read_frfs(path)
+    for frf in every.values():
+        n_lines = np.count_nonzero(in_band(frf.frequency_hz, band_hz))
+        if frf.n_positions < 2 or not n_lines or np.any(frf.std == 0):
+            found = f"{frf.n_positions} runs, {n_lines} frequencies in the band"
+            rule = "the check needs two or more runs, frequencies in the band, and noise"
+            raise InputError(str(path), found, rule, schema.REMEDY)
+    return every
 
 
 def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:

@@ -315,8 +315,12 @@ def poles(diagram: StabilityDiagram) -> pd.DataFrame:
     return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))
 
 
-def frfs(*every: FRF) -> pd.DataFrame:
-    """``frf.parquet`` and ``reference.parquet``, position by position, force after force."""
+def frfs(*every: FRF, numbers: tuple[int, ...] = ()) -> pd.DataFrame:
+    """``frf.parquet`` and ``reference.parquet``, position by position, force after force.
+
+    `numbers` are those of the forces, by default 1, 2, …; a column where there are others than 1.
+    """
+    numbers = numbers or tuple(range(1, len(every) + 1))
     n_lines = np.concatenate([np.full(frf.n_positions, frf.frequency_hz.size) for frf in every])
 
     def of_rows(name: str) -> NDArray[Any]:
@@ -336,8 +340,8 @@ def frfs(*every: FRF) -> pd.DataFrame:
         "row": np.repeat(np.arange(n_lines.size, dtype=np.int32), n_lines),
         **{name: np.repeat(number, n_lines) for name, (_, number) in named.items()},
     }
-    if every[1:]:
-        force = np.repeat(np.arange(1, len(every) + 1), [f.n_positions for f in every])
+    if numbers != (1,):
+        force = np.repeat(numbers, [f.n_positions for f in every])
         columns["reference"] = np.repeat(force, n_lines)
     return frame_of(columns, texts={name: known.tolist() for name, (known, _) in named.items()})
 
@@ -353,25 +357,25 @@ def write_frfs(every: Sequence[FRF], folder: Path) -> None:
     metadata = {name: str(getattr(frf, name)) for name in _OF_FORCE}
     metadata["n_positions"] = str(sum(each.n_positions for each in every))
     write_parquet(folder / "frf.parquet", frfs(*every), metadata)
-    if frf.reference is not None:
-        metadata |= {"n_positions": str(frf.reference.n_positions)}
-        write_parquet(folder / "reference.parquet", frfs(frf.reference), metadata)
+    fixed = {k: each.reference for k, each in enumerate(every, 1) if each.reference is not None}
+    if fixed:
+        metadata |= {"n_positions": str(sum(each.n_positions for each in fixed.values()))}
+        table = frfs(*fixed.values(), numbers=tuple(fixed))
+        write_parquet(folder / "reference.parquet", table, metadata)
 
 
-def read_frfs(path: Path) -> tuple[FRF, ...]:
-    """Read the FRFs of ``frf.parquet``, of each force that they are of."""
+def read_frfs(path: Path) -> dict[int, FRF]:
+    """Read the FRFs of ``frf.parquet`` or ``reference.parquet``, by the number of their force."""
     every, table = read_frf(path), Table(path)
     if "reference" not in table.names:
-        return (every,)
+        return {1: every}
     of_line, row = (table.numbers(name).astype(int) for name in ("reference", "row"))
     of_row = np.zeros(every.n_positions, dtype=int)
     of_row[row] = of_line
-    numbers = np.unique(of_row)
-    if not np.array_equal(numbers, np.arange(1, numbers.size + 1)) or np.any(
-        of_row[row] != of_line
-    ):
-        raise table.unusable(f"references {numbers.tolist()}", "they count from 1, one for a row")
-    return tuple(every.rows(of_row == number) for number in numbers)
+    if np.any(of_row < 1) or np.any(of_row[row] != of_line):
+        numbers = np.unique(of_line).tolist()
+        raise table.unusable(f"references {numbers}", "they count from 1, one for a row")
+    return {int(number): every.rows(of_row == number) for number in np.unique(of_row)}
 
 
 def read_frf(path: Path) -> FRF:

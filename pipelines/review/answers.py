@@ -202,13 +202,16 @@ def _of_bench(bench: Bench, what: str, query: Mapping[str, str]) -> Answer:
     sight = bench.sight()
     if what in _OF_ROW:
         row = query.get("row", "0")
-        if not (row.isascii() and row.isdecimal()) or int(row) >= sight.measured.n_positions:
+        if not _is_number(row) or not sight.has_row(int(row)):
             raise MissingError
         return _OF_ROW[what](sight, int(row))
     if what == "force":
         return curves.force_blob(sight, query.get("run", "")) or _missing()
     if what in _BLOBS:
-        return _BLOBS[what](sight) or _missing()
+        force = query.get("force", "1")
+        if not _is_number(force) or not 0 < int(force) <= len(sight.of_forces):
+            raise MissingError
+        return _BLOBS[what](sight, int(force) - 1) or _missing()
     if what == "why" and (mode := sight.mode_named(query.get("key", ""))) is not None:
         words = {True: "warning", False: "ok", None: ""}
         lines = [
@@ -261,6 +264,10 @@ def _angle(query: Mapping[str, str]) -> float:
     if not isfinite(angle):
         raise InputError("position_deg", "no number", "it is an angle in degrees", _RELOAD)
     return angle
+
+
+def _is_number(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) < _MOST_LETTERS
 
 
 def _missing() -> Any:

@@ -20,6 +20,7 @@ from typing import Any
 from ema.core.edits import Edit
 from ema.core.errors import FitError, InputError, SupersededError
 from ema.core.modes import ModalModel
+from ema.core.references import mapped
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_of_spectra import restated
@@ -269,7 +270,8 @@ class Bench:
         """Whether fits take much memory; those that differ in what is listed share nearly all."""
         fits = self._fits.values()
         n_frfs = len({id(fit.frf) for fit in fits})
-        n_poles = len({id(each.shown or each.fit) for each in (fit.basis for fit in fits) if each})
+        bases = [(fit.references or (fit,))[0].basis for fit in fits]
+        n_poles = len({id(each.shown or each.fit) for each in bases if each})
         return len(fits) > _KEPT_FITS or n_frfs > _KEPT_FRFS or n_poles > _KEPT_POLES
 
     def _refuse(self, edits: tuple[Edit, ...], error: dict[str, str]) -> None:
@@ -289,7 +291,8 @@ def _identified(source: Result, edits: tuple[Edit, ...]) -> Identification:
     source = refittable(source)
     assert source.setup is not None
     asked = asked_of(source).changed(settings_of(edits))
-    return asked.identify(restated(source.measured, asked.estimator), source.setup.sensor_mass)
+    frfs = mapped(source.frfs, lambda frf: restated(frf, asked.estimator))
+    return asked.identify(frfs, source.setup.sensor_mass)
 
 
 def _name_of(settings: dict[str, Any]) -> str:

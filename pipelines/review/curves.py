@@ -18,6 +18,7 @@ from ema.core.mac import mac
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
 from ema.signals.leakage import force_density
+from pipelines.plots.modes import forces
 from pipelines.results.tables import in_band
 from pipelines.review.sight import ModeRow, Sight
 
@@ -38,7 +39,8 @@ def blob(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
 
 def frf_blob(sight: Sight, row: int) -> bytes:
     """One row as it was measured, turned and scaled as it is fitted."""
-    one = _signed(sight, row)
+    sight, own = sight.at(row)
+    one = _signed(sight, own)
     lines = _shown(one, sight)
     values = one.values[0, lines]
     arrays = {"frequency_hz": one.frequency_hz[lines], "real": values.real, "imag": values.imag}
@@ -49,8 +51,9 @@ def frf_blob(sight: Sight, row: int) -> bytes:
 def fit_blob(sight: Sight, row: int) -> bytes:
     """The fit of one measured row over the fitted lines, and what it leaves in σ."""
     header = {"row": row, "revision": sight.revision, "is_preview": sight.is_preview, "frac": None}
-    at = np.flatnonzero(kept_rows(sight.measured, sight.corrections) == row)
-    if not at.size:
+    sight, own = sight.at(row)
+    at = np.flatnonzero(kept_rows(sight.measured, sight.corrections) == own)
+    if not at.size or not sight.is_fitted:
         nothing = np.zeros(0)
         names = "frequency_hz", "real", "imag", "residual_sigma"
         return blob(header, dict.fromkeys(names, nothing))
@@ -65,7 +68,8 @@ def fit_blob(sight: Sight, row: int) -> bytes:
 
 def force_blob(sight: Sight, run: str) -> bytes | None:
     """Spectrum of the force of a run; None where it is not stored."""
-    record = sight.measured.forces.get(run)
+    of_runs = (each.measured.forces.get(run) for each in sight.of_forces)
+    record = next(filter(None, of_runs), None)
     if record is None:
         return None
     frequency_hz = record.plan.frequency_hz
@@ -74,9 +78,12 @@ def force_blob(sight: Sight, run: str) -> bytes | None:
     return blob({"run": run, "unit": "N²/Hz"}, arrays)
 
 
-def diagram_blob(sight: Sight) -> bytes:
-    """Poles of all model orders, their clusters, and indicator functions."""
-    diagram, frf = sight.diagram, sight.frf
+def diagram_blob(sight: Sight, force: int) -> bytes:
+    """Poles of all model orders, their clusters, and indicator functions against a force.
+
+    Poles are those of the first force, which edits name.
+    """
+    diagram, frf = sight.diagram, sight.of_forces[force].frf
     clusters = [
         {
             **{"label": each.label, "frequency_hz": each.frequency_hz},
@@ -106,9 +113,9 @@ def _nmif(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.asarray(1 - np.divide(share, power, out=np.ones_like(power), where=power > 0))
 
 
-def orders_blob(sight: Sight) -> bytes | None:
-    """Size of the FRFs resolved into circumferential orders; None off a circle."""
-    frf = sight.frf
+def orders_blob(sight: Sight, force: int) -> bytes | None:
+    """Size of the FRFs against a force by circumferential orders; None off a circle."""
+    frf = sight.of_forces[force].frf
     if not on_circle(frf.position_deg):
         return None
     lines = _shown(frf, sight)
@@ -121,8 +128,8 @@ def orders_blob(sight: Sight) -> bytes | None:
     return blob({"orders": list(range(len(shown))), "revision": sight.revision}, arrays)
 
 
-def shapes_blob(sight: Sight) -> bytes:
-    """Shapes of the listed modes, of a ring beside each, and their MAC."""
+def shapes_blob(sight: Sight, force: int) -> bytes:
+    """Shapes of the listed modes, of a ring beside each, and their MAC; the same for all forces."""
     modes, angles = sight.model.modes, sight.model.position_deg
     shapes = np.array([mode.shape for mode in modes]).reshape(len(modes), angles.size)
     ring = np.full(shapes.shape, np.nan)
@@ -177,6 +184,7 @@ def evidence(row: ModeRow, sight: Sight) -> list[Line]:
         *_second_opinion(mode, sight),
         *_shape(mode),
         *_strength(mode),
+        *_drive(mode, sight),
         *_pair(mode, sight),
         *_band(mode),
         *([Line("Remark", f"{mode.status}: {mode.remark}", True)] if mode.flags else []),
@@ -222,6 +230,17 @@ def _strength(mode: Mode) -> Iterator[Line]:
     if np.any(known):
         ratio = float(np.max(np.abs(mode.residues[known]) / mode.residues_std[known]))
         yield Line("Residue", f"{ratio:.0f} σ at its largest", ratio < _FAR_SIGMA)
+
+
+def _drive(mode: Mode, sight: Sight) -> Iterator[Line]:
+    """What each of several forces contributes."""
+    number = next((k for k, each in enumerate(sight.model.modes, 1) if each is mode), 0)
+    names = forces(sight.driven)
+    for each in sight.driven:
+        if each.mode == number:
+            share = f", {100 * each.share:.1f} % of its order" if mode.member else ""
+            name = names[each.reference].capitalize()
+            yield Line(name, f"{each.drive:.3f} of the strongest drive{share}")
 
 
 def _pair(mode: Mode, sight: Sight) -> Iterator[Line]:

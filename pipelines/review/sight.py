@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from ema.core.modes import ModalModel, Mode
 from ema.identify import Identification
 from ema.poles.stability import Opinion, StabilityDiagram
 from pipelines.process.refit import settings_of
-from pipelines.results.result import Result, edit_records
+from pipelines.results.result import DrivenMode, Result, driven_modes, edit_records
 from pipelines.review.session import Session
 
 _SAME_MODE = 0.05  # farther from each other, relative to their frequency, poles are different modes
@@ -80,6 +80,8 @@ class Sight:
         The newest fit; None where only what was opened is known.
     is_current : bool
         Whether it has all edits in force.
+    is_fitted : bool
+        Whether the modes are of these FRFs.
     """
 
     result: Result
@@ -87,11 +89,47 @@ class Sight:
     automatic: ModalModel
     found: Identification | None
     is_current: bool
+    is_fitted: bool = True
 
     @property
     def revision(self) -> int:
         """Of the session."""
         return self.session.revision
+
+    @cached_property
+    def of_forces(self) -> tuple[Sight, ...]:
+        """The same against each of several forces, or this one alone.
+
+        Until what was opened is fitted again, no fit against further forces is known.
+        """
+        if self.found is not None and self.found.references:
+            return tuple(replace(self, found=each) for each in self.found.references)
+        opened = (
+            replace(
+                self,
+                result=replace(self.result, frf=frf, measured=frf, corrections=()),
+                is_fitted=False,
+            )
+            for frf in self.result.further
+        )
+        return self, *opened
+
+    def has_row(self, row: int) -> bool:
+        """Whether there is a row of a number: those of several forces follow each other."""
+        return row < sum(each.measured.n_positions for each in self.of_forces)
+
+    def at(self, row: int) -> tuple[Sight, int]:
+        """What a row is of, and its number there."""
+        for each in self.of_forces:
+            if row < each.measured.n_positions:
+                return each, row
+            row -= each.measured.n_positions
+        raise IndexError(row)
+
+    @cached_property
+    def driven(self) -> tuple[DrivenMode, ...]:
+        """What each of several forces contributes to each mode."""
+        return self.result.references if self.found is None else driven_modes(self.found)
 
     @property
     def _source(self) -> Identification | Result:
@@ -237,6 +275,7 @@ def state(sight: Sight) -> dict[str, Any]:
         "chi2_automatic": _known(sight.automatic.misfit),
         "modes": [_mode(row) for row in sight.modes],
         "channels": _channels(sight),
+        "forces": _forces(sight),
         "notes": list(model.notes),
         "findings": [
             {
@@ -248,7 +287,7 @@ def state(sight: Sight) -> dict[str, Any]:
         ],
         "drift": _drift(sight),
         "excitation_deg": result.excitation_deg,
-        "has_force": bool(sight.measured.forces),
+        "has_force": any(each.measured.forces for each in sight.of_forces),
         "on_circle": bool(np.all(np.isfinite(sight.measured.position_deg))),
     }
 
@@ -287,8 +326,10 @@ def edit_text(edit: Edit, sight: Sight) -> str:
         place = f" at order {edit.pole.model_order}" if edit.pole.model_order is not None else ""
         parts.append(f"{name}, {edit.pole.frequency_hz:.2f} Hz{place}".removeprefix(", "))
     if edit.channel is not None:
-        run = f" ({edit.channel.run})" if edit.channel.run else ""
-        parts.append(f"{edit.channel.channel}{run}")
+        named = edit.channel
+        run = f" ({named.run})" if named.run else ""
+        force = f" against force {named.reference}" if named.reference else ""
+        parts.append(f"{named.channel}{run}{force}")
     parts += [edit.run] if edit.run else []
     if edit.kind is EditKind.ORDER_IS and edit.value is not None:
         parts.append(f"is {edit.value:g}")
@@ -338,10 +379,19 @@ def _mode(row: ModeRow) -> dict[str, Any]:
 
 
 def _channels(sight: Sight) -> list[dict[str, Any]]:
+    """All rows, those of several forces one after the other."""
+    rows = list[dict[str, Any]]()
+    for force, each in enumerate(sight.of_forces, start=1):
+        rows += _channels_of(each, force, len(rows))
+    return rows
+
+
+def _channels_of(sight: Sight, force: int, first: int) -> list[dict[str, Any]]:
     frf = sight.measured
     changes = {each.row: each for each in sight.corrections}
     kept = kept_rows(frf, sight.corrections)
-    frac = dict(zip(kept.tolist(), sight.model.frac.tolist(), strict=True))
+    known = sight.model.frac if sight.is_fitted else np.full(kept.size, np.nan)
+    frac = dict(zip(kept.tolist(), map(_known, known.tolist()), strict=True))
     rows = []
     for row in range(frf.n_positions):
         change = changes.get(row)
@@ -349,14 +399,21 @@ def _channels(sight: Sight) -> list[dict[str, Any]]:
         angle = float(frf.position_deg[row])
         rows.append(
             {
-                **{"row": row, "position_deg": _known(angle), "node": int(frf.node[row])},
+                **{"row": first + row, "position_deg": _known(angle), "node": int(frf.node[row])},
                 **{"run": frf.run[row], "channel": frf.channel[row], "frac": frac.get(row)},
                 **{"used": row in frac, "sign": -1 if factor < 0 else 1, "gain": abs(factor)},
-                "by_hand": change is not None and change.is_by_hand,
+                **{"by_hand": change is not None and change.is_by_hand, "force": force},
                 "why": "" if change is None else change.check.value,
             }
         )
     return rows
+
+
+def _forces(sight: Sight) -> list[str]:
+    """Where several forces act, in the order of their numbers; nothing for one."""
+    every = sight.of_forces if sight.of_forces[1:] else ()
+    places = [(each.measured.force_node, each.measured.excitation_deg) for each in every]
+    return [f"{at:g}°" if np.isfinite(at) else f"node {node}" for node, at in places]
 
 
 def _drift(sight: Sight) -> str:

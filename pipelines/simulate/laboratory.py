@@ -24,7 +24,7 @@ from pipelines.simulate.campaign import (
     manifest_text,
     write_text,
 )
-from pipelines.simulate.laboratory_effects import Effects, describe_effects
+from pipelines.simulate.laboratory_effects import Effects, readme
 from pipelines.simulate.laboratory_tyre import STIFFNESSES, LaboratoryTyre, State, random_ring
 from pipelines.simulate.truth import Complexes, Floats, System
 from pipelines.storage.atomic import written_whole
@@ -208,19 +208,29 @@ class Laboratory:
 
     @property
     def drive(self) -> Floats:
-        """Row of the coordinates at the force."""
-        return np.asarray(self.tyre.surface(np.array([self.force_deg]))[0])
+        """Row of the coordinates at the force of the first run."""
+        return self.drive_in(0)
+
+    def drive_in(self, run: int) -> Floats:
+        """Row of the coordinates at the force of a run."""
+        place = self.declared_deg(run) + self.effects.force_offset_deg
+        return np.asarray(self.tyre.surface(np.array([place]))[0])
 
     @property
     def force_deg(self) -> float:
-        """Where the force really acts."""
+        """Where the force of the first run really acts."""
         return self.effects.force_deg + self.effects.force_offset_deg
+
+    def declared_deg(self, run: int) -> float:
+        """Where the force of a run acts as declared."""
+        return self.effects.forces_deg[run // self.effects.runs]
 
     def progress(self, run: int) -> float:
         """How far the campaign's drift has come half-way through a run: 0 first, 1 last."""
-        if self.effects.runs == 1:
+        number = self.effects.all_runs
+        if number == 1:
             return 0.0
-        steps = np.random.default_rng([self.effects.seed, 2]).uniform(0.5, 1.5, self.effects.runs)
+        steps = np.random.default_rng([self.effects.seed, 2]).uniform(0.5, 1.5, number)
         return float(np.sum(steps[1 : run + 1]) / np.sum(steps[1:]))
 
     def state(self, run: int) -> State:
@@ -249,12 +259,13 @@ class Laboratory:
     def system(self, run: int) -> System:
         """The tyre as tested in a run, with everything that hangs on it."""
         effects, mounting = self.effects, self.mounting(run)
-        extra = self.tyre.hung(self.drive[None, :], effects.live_mass_kg)
+        drive = self.drive_in(run)
+        extra = self.tyre.hung(drive[None, :], effects.live_mass_kg)
         # The stinger decouples its mass from tangential motion; sensors have both inertias.
         for tilt in (0.0, 90.0):
             rows = self.tyre.surface(mounting.actual_deg, tilt)
             extra += self.tyre.hung(rows, effects.sensor_mass_kg)
-        return self.tyre.solve(self.state(run), self.drive, extra)
+        return self.tyre.solve(self.state(run), drive, extra)
 
     def recordings(self, run: int) -> tuple[Floats, Floats]:
         """Force in N, shape (n_samples,), and accelerations in m/s², (n_sensors, n_samples)."""
@@ -277,9 +288,9 @@ class Laboratory:
         effects, mounting, system = self.effects, self.mounting(run), self.system(run)
         omega = chain.frequencies(effects, chain.period_samples(effects))
         spectrum = chain.force_spectrum(effects, np.random.default_rng([effects.seed, 5, run]))
-        spectrum *= 10 ** (effects.level_step_db / 20 * run / max(effects.runs - 1, 1))
+        spectrum *= 10 ** (effects.level_step_db / 20 * run / max(effects.all_runs - 1, 1))
         if effects.shaker:
-            drive = system.inertance(self.drive[None, :], omega)[0]
+            drive = system.inertance(self.drive_in(run)[None, :], omega)[0]
             spectrum = chain.with_shaker(spectrum, omega, drive)
         rows = self.tyre.surface(mounting.actual_deg, mounting.tilt_deg)
         return chain.Driven(system, rows, spectrum, omega, mounting)
@@ -325,12 +336,15 @@ class Laboratory:
         """The campaign in memory, as `ema.estimate_frf` takes it."""
         effects = self.effects
         runs = []
-        for run in range(effects.runs):
+        for run in range(effects.all_runs):
             name, places = f"run_{run + 1}.uff", self.places(run)
             force, *sensors, reference = channels = self.channels(run)
             responses = tuple(Response(each, each.node, places[each.name]) for each in sensors)
             recording = Recording(Path(name), effects.sampling_rate_hz, tuple(channels))
-            runs.append(Run(name, recording, force, responses, reference))
+            node = round(self.declared_deg(run) * POSITIONS / 360.0)
+            forces = (Response(force, node, self.declared_deg(run)),)
+            moved = forces if effects.further_forces_deg else ()
+            runs.append(Run(name, recording, force, responses, reference, forces=moved))
         ring = self.tyre.ring
         return Campaign(
             "laboratory",
@@ -346,17 +360,17 @@ class Laboratory:
     def manifest(self) -> str:
         """The campaign as the laboratory declares it, errors not included."""
         ring, effects = self.tyre.ring, self.effects
-        places = {f"run_{run + 1}.uff": self.places(run) for run in range(effects.runs)}
+        places = {f"run_{run + 1}.uff": self.places(run) for run in range(effects.all_runs)}
         return manifest_text(
             *(self.name, ring, effects.sampling_rate_hz, places),
-            forces_deg={name: {FORCE: effects.force_deg} for name in places},
+            forces_deg={name: {FORCE: self.declared_deg(run)} for run, name in enumerate(places)},
             sensor_mass_kg=effects.declared_mass_kg,
         )
 
     @cached_property
     def truth(self) -> Truth:
         """The exact modes."""
-        modes = [self.bare_modes(run) for run in range(self.effects.runs)]
+        modes = [self.bare_modes(run) for run in range(self.effects.all_runs)]
         ring_hz = [
             np.array([m.frequency_hz for m in run if m.kind == "ring" and 1 <= m.order <= 7])
             for run in modes
@@ -403,35 +417,14 @@ def simulate_laboratory(folder: Path | str, effects: Effects) -> Path:
     folder = Path(folder)
     laboratory = Laboratory(effects)
     with written_whole(folder, marker=None) as partial:
-        for run in range(effects.runs):
+        for run in range(effects.all_runs):
             file = partial / f"run_{run + 1}.uff"
             write_time_series(file, laboratory.channels(run), effects.sampling_rate_hz)
         write_text(partial / "campaign.toml", laboratory.manifest)
         truth = json.dumps(truth_content(laboratory.truth), indent=1)
         write_text(partial / "truth.json", truth + "\n")
-        write_text(partial / "README.md", _readme(effects))
+        write_text(partial / "README.md", readme(effects))
     return folder
-
-
-def _readme(effects: Effects) -> str:
-    chosen = effects.switched_on
-    listed = "".join(
-        f"| `{name}` | {chosen[name]} | {unit} | {text} |\n"
-        for name, _, unit, text in describe_effects()
-        if name in chosen
-    )
-    return f"""# Simulated campaign of a laboratory
-
-No lab has measured these recordings: they were computed from the mass, damping and stiffness
-matrices of a ring on an elastic foundation. `truth.json` has the exact modes: `modes` of the bare
-tyre in the state of the first run half-way through, `as_tested_first_run` with everything that
-hung on it. The processing never reads it.
-
-Effects that differ from an ideal test of an ideal tyre:
-
-| effect | value | unit | meaning |
-|---|---|---|---|
-{listed}"""
 
 
 def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:
@@ -439,7 +432,10 @@ def _angles_deg(effects: Effects, run: int) -> tuple[Floats, Floats]:
     first, last = effects.circle_deg
     gaps = effects.sensors - (last - first != 360.0)  # on a full circle, the first is also the last
     spacing = (last - first) / gaps
-    places, step = first + spacing * np.arange(effects.sensors), spacing / effects.runs * run
+    places, step = (
+        first + spacing * np.arange(effects.sensors),
+        spacing / effects.runs * (run % effects.runs),
+    )
     actual = places - step if effects.mirrored_step else places + step
     if effects.reversed_sequence:
         actual = -places + step

@@ -62,6 +62,9 @@ class Effects:
         (0.0, 360.0), "deg", "first and last angle of the sensors; 0, 360 is the circle", 0.0, 360.0
     )
     force_deg: float = _effect(0.0, "deg", "angle of the force as declared", 0.0, 360.0)
+    further_forces_deg: tuple[float, ...] = _effect(
+        (), "deg", "further places of the force; all runs are made again for each", 0.0, 360.0
+    )
     # The force.
     excitation: Excitation = field(
         default=Excitation.RANDOM,
@@ -125,11 +128,22 @@ class Effects:
         for name, holds, rule in (
             ("duration_s", self.n_samples <= MOST_SAMPLES, f"at most {MOST_SAMPLES} samples a run"),
             ("circle_deg", ascending, "two ascending angles"),
+            ("further_forces_deg", len({*self.forces_deg}) == len(self.forces_deg), "other angles"),
             ("rim_hz", len(self.rim_hz) in (0, 2), "no frequency or two, of x and z"),
             ("sensors", faulty <= self.sensors, "faulty sensors are among them"),
             ("bits", self.bits == 0 or self.bits >= 4, "0, or 4 and more"),
         ):
             _require(holds, name, getattr(self, name), rule)
+
+    @property
+    def forces_deg(self) -> tuple[float, ...]:
+        """Angles of the force as declared, one after the other."""
+        return self.force_deg, *self.further_forces_deg
+
+    @property
+    def all_runs(self) -> int:
+        """Runs for all places of the force together."""
+        return self.runs * len(self.forces_deg)
 
     @property
     def n_samples(self) -> int:
@@ -235,3 +249,25 @@ def describe_effects() -> list[tuple[str, Any, str, str]]:
         (entry.name, entry.default, entry.metadata["unit"], entry.metadata["help"])
         for entry in fields(Effects)
     ]
+
+
+def readme(effects: Effects) -> str:
+    """Content of ``README.md`` of a campaign."""
+    chosen = effects.switched_on
+    listed = "".join(
+        f"| `{name}` | {chosen[name]} | {unit} | {text} |\n"
+        for name, _, unit, text in describe_effects()
+        if name in chosen
+    )
+    return f"""# Simulated campaign of a laboratory
+
+No lab has measured these recordings: they were computed from the mass, damping and stiffness
+matrices of a ring on an elastic foundation. `truth.json` has the exact modes: `modes` of the bare
+tyre in the state of the first run half-way through, `as_tested_first_run` with everything that
+hung on it. The processing never reads it.
+
+Effects that differ from an ideal test of an ideal tyre:
+
+| effect | value | unit | meaning |
+|---|---|---|---|
+{listed}"""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ema
-from ema.circumference.mass_loading import sensors_of_runs
+from ema.checks.sensor_mass import sensors_of_runs
 from ema.core.modes import Flag
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects

@@ -47,18 +47,35 @@ export class Bench {
     if (changed.includes("show")) this.tell("indicator");
     this.tell(...changed.filter((name) => TOPICS.includes(name)));
     if (changed.includes("row")) this.readRow();
-    if (changed.includes("indicator") && this.view.indicator === "orders") this.read("orders", "orders", this.fitKey());
+    if (changed.includes("indicator")) this.readIndicator();
     if (changed.includes("tab") && this.view.tab === "force") this.readForce();
   }
 
   get modes() { return this.state?.modes ?? []; }
   get mode() { return this.modes.find((mode) => mode.key === this.view.mode) ?? null; }
+  /** Where several forces act; empty for one. */
+  get forces() { return this.state.forces ?? []; }
+
+  /** Number of the force whose FRFs are shown, from 1. */
+  get force() { return this.channel?.force ?? 1; }
+
+  /** Show the FRF of the same place against another force. */
+  against(force) {
+    const { position_deg: at, node, channel } = this.channel;
+    const apart = (each) => (each.position_deg === at && each.node === node ? 0 : 2) + (each.channel === channel ? 0 : 1);
+    const [same] = this.state.channels.filter((each) => each.force === force).sort((a, b) => apart(a) - apart(b));
+    this.look({ row: same.row });
+    this.readIndicator();
+    this.tell("state");
+  }
+
   get channel() { return this.state?.channels[this.view.row] ?? null; }
   get isPreview() { return this.state.stage !== "final"; }
 
-  /** The channels in the order of their positions. */
+  /** The channels of the force that is shown, in the order of their positions. */
   get around() {
-    return [...this.state.channels].sort((a, b) => (a.position_deg ?? a.node) - (b.position_deg ?? b.node));
+    const { force } = this;
+    return this.state.channels.filter((each) => each.force === force).sort((a, b) => (a.position_deg ?? a.node) - (b.position_deg ?? b.node));
   }
 
   /** Frequencies shown: those zoomed to, or the band with a little room. */
@@ -137,10 +154,15 @@ export class Bench {
   readAll() {
     if (this.state.stage === "fitting") return; // numbers follow
     const key = this.fitKey();
-    this.read("diagram", "diagram", `${this.diagramKey()} ${this.isPreview}`);
     this.read("shapes", "shapes", key);
-    if (this.view.indicator === "orders") this.read("orders", "orders", this.diagramKey());
+    this.readIndicator();
     this.readRow();
+  }
+
+  readIndicator() {
+    const { force } = this;
+    this.read("diagram", `diagram?force=${force}`, `${this.diagramKey()} ${this.isPreview} ${force}`);
+    if (this.view.indicator === "orders") this.read("orders", `orders?force=${force}`, `${this.diagramKey()} ${force}`);
   }
 
   readRow() {
@@ -213,5 +235,12 @@ export class Bench {
     this.edit({ kind: mode.listed ? "set_aside" : "keep", pole: mode.pole });
   }
 
-  onChannel(kind, { channel, run }, more = {}) { return this.edit({ kind, channel, run, ...more }); }
+  /** Decide on a channel: against its force, where there are several. */
+  onChannel(kind, { channel, run, force }, more = {}) {
+    const reference = this.forces.length ? { reference: force } : {};
+    return this.edit({ kind, channel, run, ...reference, ...more });
+  }
+
+  /** Decide on a channel in all runs, against all forces. */
+  everywhere(kind, { channel }) { return this.edit({ kind, channel }); }
 }

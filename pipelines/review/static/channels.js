@@ -38,11 +38,14 @@ export function mount(host, bench) {
       el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
       button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
       button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }),
-      chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", title: `Gain of ${who}`, "data-focus": `gain ${row}` })));
+      chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", title: `Gain of ${who}`, "data-focus": `gain ${row}` }),
+        bench.forces.length ? button(used ? "× all" : "+ all", () => bench.everywhere(used ? "channel_out" : "channel_in", channel), {
+          className: "small", label: `${used ? "Leave out" : "Use"} ${name} in all runs, against all forces`, "data-focus": `all ${row}`,
+        }) : null));
   }
 
   function draw() {
-    const channels = poorestFirst ? [...bench.state.channels].sort((a, b) => (a.frac ?? -1) - (b.frac ?? -1)) : bench.around;
+    const channels = poorestFirst ? bench.around.sort((a, b) => (a.frac ?? -1) - (b.frac ?? -1)) : bench.around;
     const out = channels.filter((channel) => !channel.used).length;
     const runs = [...new Set(channels.map((channel) => channel.run))];
     const runOut = el("select", { className: "small", "aria-label": "Leave out a whole run", "data-focus": "run out", onchange: () => {

@@ -172,8 +172,12 @@ export function mount(host, bench) {
       }, text)));
     const place = channel.position_deg === null ? `node ${channel.node}` : `${fixed(channel.position_deg, 0)}°`;
     const frac = channel.used ? `FRAC ${fixed(channel.frac, 3)}` : "left out";
+    const { forces } = bench;
+    const against = forces.length ? el("select", { id: "against", "aria-label": "Force", "data-focus": "against", onchange: () => bench.against(Number(against.value)) },
+      forces.map((at, k) => el("option", { value: String(k + 1), selected: bench.force === k + 1 }, `force at ${at}`))) : null;
     refill(bar, tabs,
       el("span", { className: "grow" }),
+      against,
       button("←", () => step(bench, -1), { label: "Position before", "data-focus": "before" }),
       el("output", { className: "position" }, `${place} ${channel.channel}`, el("span", {}, ` ${stem(channel.run)}, ${frac}`)),
       button("→", () => step(bench, 1), { label: "Next position", "data-focus": "next" }));

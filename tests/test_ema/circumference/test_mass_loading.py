@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 import systems
 
-from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
+from ema.automatic import fit_modes
+from ema.checks.sensor_mass import (
+    SensorMass,
+    is_drift_lost,
+    sensors_of_runs,
+    with_mass_std,
+    without_mass,
+)
 from ema.circumference.mass_loading import (
     live_mass_note,
     loading_note,
     loading_percent,
-    sensors_of_runs,
     unloaded,
     without_live_mass,
 )
@@ -19,7 +25,6 @@ from ema.core.drift import NO_DRIFT
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
-from ema.fitting.edited_fit import fit_modes
 from ema.identify import identify_modes
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
@@ -56,6 +61,31 @@ def test_frfs_of_the_bare_tyre_come_back(name):
     assert away(loaded, bare) > 0.1
     assert away(found, bare) < 0.02 * away(loaded, bare)
     assert away(found.reference, bare.reference) < 0.02 * away(loaded.reference, bare.reference)
+
+
+def across_the_force(modes):
+    """What each order answers across a force at 0° less what it answers along it."""
+    found = {}
+    for order in {mode.order for mode in modes if mode.order}:
+        pair = [mode for mode in modes if mode.order == order]
+        omega, ratio, mass_kg, angle = np.array(
+            [
+                (2 * np.pi * m.frequency_hz, m.damping_ratio, m.modal_mass_kg, m.orientation_deg)
+                for m in pair
+            ]
+        ).T
+        poles = omega * (-ratio + 1j * np.sqrt(1 - ratio**2))
+        turn = np.cos(2 * order * np.deg2rad(angle))
+        found[order] = poles, -turn / (2j * poles.imag * mass_kg)
+    return found
+
+
+def test_the_member_that_one_force_does_not_see_is_known_from_others():
+    modes = truth_modes(split_percent=2.5, shaker_between=0.0, both=True)
+    loaded, bare = loaded_and_bare(modes, snr_db=30)
+    alone = unloaded(loaded, SEATS, MASS_KG)
+    known = unloaded(loaded, SEATS, MASS_KG, across=across_the_force(modes))
+    assert away(known, bare) < 0.3 * away(alone, bare)
 
 
 def with_live_mass(frf, modes, mass_kg):

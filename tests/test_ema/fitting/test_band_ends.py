@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import systems
 
+from ema.automatic import fit_modes
 from ema.core.settings import IDENTIFICATION
 from ema.fitting.covariance import band_shift
-from ema.fitting.edited_fit import fit_modes
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate, fit_bounded, lines_to_fit, with_stand_ins
 from ema.poles.stability import PoleSelection
 

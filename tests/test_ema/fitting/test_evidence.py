@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import systems
 
+from ema.automatic import fit_modes
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
-from ema.fitting.edited_fit import fit_modes
 from ema.fitting.evidence import (
     is_below_misfit,
     is_beneath,

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import ringmodal as rm
-from ema.core.edits import Edit, EditKind, PoleName
+from ema.core.edits import ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError
 from ema.core.frf import FRF
 from ema.core.modes import Pair
+from ema.refit import edit_cost, refit_modes
 from pipelines.simulate.truth import TruthMode, modal_sum
 
 LINES_HZ = np.arange(1, 1201) / 4
@@ -101,12 +102,54 @@ def test_one_force_in_a_sequence_is_that_force():
     assert not listed.references
 
 
-def test_decisions_are_of_one_force():
+def poles_of(found):
+    return [[mode.pole for mode in each.model.modes] for each in found.references]
+
+
+@pytest.fixture(scope="module")
+def two_forces():
     _, modes = truth(1.0)
     frfs = [frf_at(angle, modes) for angle in FORCES_DEG]
-    aside = Edit(EditKind.SET_ASIDE, PoleName(100.0))
-    with pytest.raises(InputError, match="2 forces"):
-        rm.identify_modes(frfs, band_hz=(60.0, 160.0), edits=[aside])
+    return frfs, rm.identify_modes(frfs, band_hz=(60.0, 160.0))
+
+
+def test_a_member_set_aside_is_missing_against_each_force(two_forces):
+    _, found = two_forces
+    lower = found.model.modes[2]
+    aside = Edit(EditKind.SET_ASIDE, PoleName(lower.frequency_hz, lower.damping_ratio))
+    again = refit_modes(found, [aside])
+    before, after = poles_of(found), poles_of(again)
+    assert after == [each[:2] + each[3:] for each in before]
+    assert edit_cost(found, [aside]).misfit_after > 100 * found.model.misfit
+
+
+def test_decisions_on_several_forces_are_replayed_to_the_bit(two_forces):
+    frfs, found = two_forces
+    edits = [
+        Edit(EditKind.NO_PARTNERS),
+        Edit(EditKind.LOCK, PoleName(121.0)),
+        Edit(EditKind.SET_ASIDE, PoleName(145.5)),
+    ]
+    preview = refit_modes(found, edits, live=True)
+    again = refit_modes(preview, edits)
+    assert preview.is_preview
+    assert not again.is_preview
+    assert poles_of(again) == poles_of(rm.identify_modes(frfs, band_hz=(60.0, 160.0), edits=edits))
+    assert [mode.order for mode in again.model.modes] == [1, 2, 3]
+    assert poles_of(refit_modes(again, [])) == poles_of(found)
+
+
+@pytest.mark.parametrize(("reference", "used"), [(None, [23, 23]), (2, [24, 23])])
+def test_a_channel_is_left_out_against_all_forces_or_one(two_forces, reference, used):
+    frfs = [replace(frf, channel=tuple(f"A{k}" for k in range(24))) for frf in two_forces[0]]
+    out = Edit(EditKind.CHANNEL_OUT, channel=ChannelName("A7", reference=reference))
+    found = rm.identify_modes(frfs, band_hz=(60.0, 160.0), edits=[out])
+    assert [each.frf.n_positions for each in found.references] == used
+    for mode, before in zip(found.model.modes, two_forces[1].model.modes, strict=True):
+        assert abs(mode.frequency_hz - before.frequency_hz) < 4 * before.frequency_std_hz
+    unknown = Edit(EditKind.CHANNEL_OUT, channel=ChannelName("A7", reference=3))
+    with pytest.raises(InputError, match="reference = 3"):
+        rm.identify_modes(frfs, band_hz=(60.0, 160.0), edits=[unknown])
 
 
 def test_both_members_are_found_without_a_circle_too():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import systems
 
+from ema.automatic import fit_modes
 from ema.circumference.orders import highest_order
-from ema.fitting.edited_fit import fit_modes
 from ema.fitting.order_pair import OrderDecomposition
 from ema.poles.stability import PoleSelection
 

@@ -9,7 +9,7 @@ import pytest
 import ema
 import ringmodal as rm
 from ema.core.campaign import Campaign, Processing
-from ema.core.errors import InputError
+from ema.core.edits import Edit, EditKind, PoleName
 from ema.core.finding import Check, Verdict
 from ema.core.frf import FRF
 from ema.core.references import References
@@ -66,15 +66,19 @@ def test_tables_say_what_each_force_contributes(result, tmp_path):
     assert "What each force contributes" in (tmp_path / "result" / "report.html").read_text()
 
 
-def test_a_result_of_several_forces_is_read_back_and_not_refitted(result, tmp_path):
+def test_a_result_of_several_forces_is_read_back_and_refitted(result, tmp_path):
     rm.save(result, tmp_path / "result", report=False)
     back = rm.load(tmp_path / "result")
     assert back.references == result.references
     for there, here in zip(back.further, result.further, strict=True):
         assert np.array_equal(there.values, here.values)
         assert there.excitation_deg == here.excitation_deg
-    with pytest.raises(InputError, match="2 forces"):
-        rm.refit(tmp_path / "result", [])
+    aside = Edit(EditKind.SET_ASIDE, PoleName(result.modal_model.modes[-1].frequency_hz))
+    again = rm.refit(tmp_path / "result", [aside])
+    rest = [mode.pole for mode in result.modal_model.modes[:-1]]
+    assert [mode.pole for mode in again.modal_model.modes] == rest
+    assert {each.reference for each in again.references} == {1, 2}
+    assert [mode.pole for mode in rm.refit(again, []).modal_model.modes][:-1] == rest
 
 
 def test_forces_of_a_result_are_read_back_from_its_universal_file(result, tmp_path):

@@ -8,7 +8,7 @@ import httpx2
 import numpy as np
 import pandas as pd
 import pytest
-from reviewing import review, served, token_in, until
+from reviewing import copied, review, served, token_in, until
 
 from pipelines.process.run import process
 from pipelines.report.write import save
@@ -275,6 +275,41 @@ def test_what_cannot_be_signed(page, folder, by, name):
     answer = page.post("sign", revision=0, by=by, note="", folder=name)
     assert answer.status_code == 400
     assert sorted(path.name for path in folder.parent.iterdir()) == before
+
+
+def test_each_force_shows_its_frfs_with_the_fit_and_is_decided_on(reviewed_of_two, tmp_path):
+    with review(copied(reviewed_of_two, tmp_path)) as page:
+        state = page.settled()
+        assert state["forces"] == ["0°", "22.5°"]
+        first, second = ([c for c in state["channels"] if c["force"] == k] for k in (1, 2))
+        assert [each["row"] for each in first + second] == list(range(144))
+        for each in (first[7], second[7]):
+            _, measured = arrays(page.get("frf", row=each["row"]))
+            head, fitted = arrays(page.get("fit", row=each["row"]))
+            lines = np.isin(measured["frequency_hz"], fitted["frequency_hz"])
+            away = np.linalg.norm(measured["real"][lines] - fitted["real"])
+            assert away < 0.3 * np.linalg.norm(fitted["real"])  # leakage of 4 s is in it
+            assert head["frac"] == pytest.approx(each["frac"])
+        indicator = [arrays(page.get("diagram", force=k))[1]["nmif"] for k in (1, 2)]
+        assert not np.array_equal(*indicator)
+        assert page.get("diagram", force=3).status_code == 404
+        assert page.get("frf", row=144).status_code == 404
+        why = page.get("why", key=state["modes"][0]["key"]).json()["lines"]
+        assert len([line for line in why if line["label"].startswith("Force ")]) == 2
+        out = {name: second[7][name] for name in ("channel", "run")}
+        page.edit(kind="channel_out", reference=2, **out)
+        after = page.settled()
+        assert [c["row"] for c in after["channels"] if not c["used"]] == [second[7]["row"]]
+        page.edit(**aside(after["modes"][2], "no partner"))
+        state = page.settled()
+        signed = page.post(
+            "sign", revision=state["revision"], by="A", note="", folder="signed"
+        ).json()
+        result = load(tmp_path / signed["folder"])
+        assert [edit.kind for edit in result.edits] == ["channel_out", "set_aside"]
+        shown = [mode["frequency_hz"] for mode in state["modes"] if mode["listed"]]
+        assert [mode.frequency_hz for mode in result.modal_model.modes] == shown
+        assert {each.reference for each in result.references} == {1, 2}
 
 
 def test_a_preview_cannot_be_signed(page, folder):

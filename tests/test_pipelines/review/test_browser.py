@@ -369,3 +369,27 @@ def test_scripts_are_small(bench):
         ".filter(each => each.name.endsWith('.js')).map(each => each.decodedBodySize)"
     )
     assert 0 < sum(loaded) <= MOST_SCRIPT_BYTES
+
+
+def test_the_frfs_of_another_force_are_shown_and_left_out(reviewed_of_two, browser, tmp_path):
+    """The list beside the tabs changes the force; the place stays, and so does the fit."""
+    shutil.copytree(reviewed_of_two, tmp_path / "result")
+    show(browser, WIDTHS_PX[0])
+    with served(tmp_path / "result") as (_, address, file), watched(browser, address):
+        browser.driver.get(file.as_uri())
+        opened(browser)
+        before = browser.js("return ringmodalBench.channel")
+        browser.js(
+            "const list = document.getElementById('against'); list.value = '2';"
+            " list.dispatchEvent(new Event('change'))"
+        )
+        browser.wait("return ringmodalBench.data.frf.row === ringmodalBench.view.row")
+        browser.wait("return ringmodalBench.data.fit.row === ringmodalBench.view.row")
+        after = browser.js("return ringmodalBench.channel")
+        assert (after["position_deg"], after["force"]) == (before["position_deg"], 2)
+        assert browser.js("return ringmodalBench.around.length") == 72
+        assert browser.js("return ringmodalBench.data.fit.frequency_hz.length > 0")
+        assert browser.js(CUT) == []
+        press(browser, "x")
+        edit = settled(browser, cursor=1)["edits"][0]["edit"]
+        assert edit["reference"] == 2

@@ -422,3 +422,22 @@ def test_effects_are_checked():
         effects_from({"spice": 0.1})
     assert parse_effect("rim_hz=[42, 60]") == ("rim_hz", [42, 60])
     assert parse_effect("excitation=burst") == ("excitation", "burst")
+
+
+def test_runs_are_made_again_for_further_places_of_the_force(tmp_path):
+    effects = Effects(
+        duration_s=2.0, runs=2, splice=0.05, further_forces_deg=(22.5,), live_mass_kg=0.02
+    )
+    laboratory = Laboratory(effects)
+    read = ema.read_campaign(simulate_laboratory(tmp_path / "two", effects))
+    made = laboratory.campaign()
+    assert [run.references for run in made.runs] == [((0.0, 0),)] * 2 + [((22.5, 0),)] * 2
+    assert [run.references for run in read.runs] == [run.references for run in made.runs]
+    assert laboratory.places(0) == laboratory.places(2)
+    poles = [np.sort_complex(laboratory.system(run).poles) for run in (0, 2)]
+    assert not np.allclose(*poles, rtol=1e-6)  # the live mass moved with the force
+    rows = laboratory.tyre.surface(np.array([0.0, 22.5]))
+    bare = [laboratory.tyre.solve(drive=laboratory.drive_in(run)) for run in (0, 2)]
+    omega = 2 * np.pi * np.arange(50.0, 250.0)
+    one, other = (system.inertance(rows, omega) for system in bare)
+    np.testing.assert_allclose(one[1], other[0], rtol=1e-9)  # reciprocity

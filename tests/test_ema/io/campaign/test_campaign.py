@@ -9,7 +9,7 @@ import pytest
 from builders import SHARED_DATA, binary58, floats, force58, frf58, nodes15, response58
 
 import ema
-from ema.circumference.mass_loading import masses_of_runs, sensors_of_runs
+from ema.checks.sensor_mass import masses_of_runs, sensors_of_runs
 from ema.core.errors import InputError, ManifestError, RecordingFormatError
 from ema.io.campaign.manifest import read_manifest
 
