@@ -5,7 +5,6 @@ import pytest
 
 import ema
 from ema.checks.sensor_mass import sensors_of_runs
-from ema.core.modes import Flag
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 
@@ -36,7 +35,6 @@ def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
     assert abs(mode.frequency_hz - upper.frequency_hz) < 3 * mode.frequency_std_hz
     assert abs(mode.damping_ratio - upper.damping_ratio) < 3 * mode.damping_std
     assert mode.damping_std < 0.1 * mode.damping_ratio
-    assert Flag.NOT_RING_MODE not in mode.flags
 
 
 def test_mass_is_compensated_in_the_state_of_each_run():
@@ -46,10 +44,9 @@ def test_mass_is_compensated_in_the_state_of_each_run():
     )
     assert found.sensor_mass.drift.applied
     for order in (4, 5):
-        mode = next(mode for mode in found.model.modes if mode.order == order)
-        assert mode.damping_ratio == pytest.approx(
-            driven(laboratory, order)[0].damping_ratio, rel=0.008
-        )
+        true = driven(laboratory, order)[0]
+        mode = min(found.model.modes, key=lambda each: abs(each.frequency_hz - true.frequency_hz))
+        assert mode.damping_ratio == pytest.approx(true.damping_ratio, rel=0.008)
 
 
 def test_drift_is_followed_where_noise_is_unknown():
