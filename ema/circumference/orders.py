@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.modes import Flag, Mode, OrderReport, Pair
-from ema.core.settings import IDENTIFICATION
 
 # Condition number of the least-squares problem above which orders get mixed up.
 _WELL_CONDITIONED = 10.0
@@ -179,8 +178,6 @@ def order_basis(position_deg: NDArray[np.float64], order: int) -> NDArray[np.flo
 
 # A shape with less of its power in one order is not one of the ring's.
 PURE = 0.5
-# A pole that is damped more is no mode; by its amplitude it would outweigh all of them.
-_NO_MODE = IDENTIFICATION.max_damping
 # The members of a pair are damped alike within this factor.
 _PAIR_DAMPING = 1.8
 # A neighbour on the curve that is damped this many times less (or more) is no tyre mode.
@@ -194,11 +191,10 @@ def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
     that the force drives most. |A|ω is the inverse of the modal mass, which is nearly the same for
     all orders of a ring and much larger for what the ring only shakes along with.
     """
-    candidates = [
-        k
-        for k, mode in enumerate(modes)
-        if mode.order and mode.order_purity >= PURE and mode.damping_ratio < _NO_MODE
-    ]
+    candidates = [k for k, mode in enumerate(modes) if mode.order and mode.order_purity >= PURE]
+    # By its amplitude, a broad pole that is no mode would outweigh all of them.
+    usual = np.median([modes[k].damping_ratio for k in candidates]) if candidates else 0.0
+    candidates = [k for k in candidates if modes[k].damping_ratio <= _ODD_DAMPING * usual]
     main = _strongest_rising(modes, candidates)
     members: dict[int, list[int]] = {}
     for k in main:

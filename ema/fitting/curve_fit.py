@@ -195,7 +195,7 @@ def settled(curve: CurveFit) -> Settled:
     drift = final_drift(curve, fit, covariance)
     unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, curve.correlation)
     between = np.hypot(std_between_runs(fit, curve.correlation), unseen)
-    mixed = in_other_orders(fit, owner, residues_std, frf.position_deg)
+    mixed = in_other_orders(fit, owner, residues_std, frf.position_deg, curve.settings)
     beside = beside_ring(modes, frf.position_deg, owner)
     if curve.circle and not curve.selection.pinned:
         between = np.hypot(between, shift_beside(modes, beside))

@@ -166,11 +166,12 @@ def in_other_orders(
     owner: Mapping[int, RingOrder],
     residues_std: NDArray[np.float64],
     position_deg: NDArray[np.float64],
+    settings: IdentificationSettings,
 ) -> NDArray[np.float64]:
     """Share of each pole's power that is in other orders than its own, less that of noise.
 
     One pole in the place of a resolved pair would be impure by what it leaves of the split: the
-    shape is that of both members together.
+    shape is that of both members together, without poles that the pair explains.
     """
     shares = np.zeros(fit.poles.size)
     if not on_circle(position_deg):
@@ -185,8 +186,14 @@ def in_other_orders(
         poles, first = np.array(fit.poles), len(resolved)
         poles[list(resolved)] = [pair.poles[1] for pair in resolved.values()]
         lower = [pair.poles[0] for pair in resolved.values()]
-        both = evaluate(fit.lines, np.concatenate([lower, poles]), fit.drift).residues
-        shapes = both[:, first:]
+        explained = [
+            k
+            for k, each in owner.items()
+            if any(each.is_within(main, settings) for main in owner.values())
+        ]
+        kept = np.setdiff1d(np.arange(poles.size), explained)
+        both = evaluate(fit.lines, np.concatenate([lower, poles[kept]]), fit.drift).residues
+        shapes[:, kept] = both[:, first:]
         shapes[:, list(resolved)] += both[:, :first]
     for k, shape in enumerate(shapes.T):
         size = np.sum(np.abs(shape) ** 2)
