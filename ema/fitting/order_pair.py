@@ -29,9 +29,6 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 _UNTOUCHED = 0.05
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
-# … and with less than this, where the pair is seen to be one, one row stands for the other member:
-# the mean of both is that far from it and no mode.
-_NO_MEAN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,9 +221,12 @@ def order_report(
 
 
 def one_row(pair: PairFit, settings: IdentificationSettings = IDENTIFICATION) -> int | None:
-    """The member that one row of an order stands for, 0 or 1; None where that is the mean."""
+    """The member that one row of an order stands for, 0 or 1; None where that is the mean.
+
+    Where the other member is seen, but too weak to be listed, the mean would be beside both.
+    """
     is_pair = float(chdtrc(4, max(pair.gain, 0.0))) < settings.pair_p_value
-    return pair.stronger if is_pair and min(pair.share) < _NO_MEAN else None
+    return pair.stronger if is_pair and min(pair.share) < settings.pair_weakest_share else None
 
 
 def joint_report(
