@@ -8,18 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ema.core.modes import synthesise
 from ema.core.numerics import one_blas_thread
 from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
-from ema.fitting.mode_pairs import PairSearch, RingOrder, in_one_state, synthesis_of
-from ema.fitting.order_pair import OrderFrf, Seen, joint_report, pair_problem
-from ema.fitting.pole_fit import N_STAND_INS
+from ema.fitting.mode_pairs import PairSearch, RingOrder
+from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.variable_projection import Complex
 
-# Sensors mix of one order into another so many times what is the median of all.
-_MIXED = 3.0
 # Orders change alike from force to force to these shares of frequency and decay.
 _UNEVEN = np.array([2e-5, 1e-3])
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
@@ -67,9 +63,7 @@ class _JointSearch:
         if before is not None:
             self.states, self.joint = before.states, before.joint
         for force, search in enumerate(self.searches):
-            _take_as_known(search, self._of_force(force))
-        self.whole = [_whole(search) for search in self.searches]
-        self.mixed = [_mixed_sizes(search) for search in self.searches]
+            search.resolve(self._of_force(force))
 
     def search(self, *, is_last: bool = False) -> None:
         """Fit all orders; states of the forces stay in the last search, which gives verdicts."""
@@ -104,23 +98,15 @@ class _JointSearch:
     def _of_force(self, force: int) -> list[RingOrder]:
         return [each[force] for each in self.joint.values()]
 
-    def _seen(self, force: int, order: int, members: list[int]) -> Seen:
-        """All that is seen of an order; of other poles it holds what sensors mix into it."""
-        search = self.searches[force]
-        seen = search.seen_of(order, members)
-        own = search.decomposition.order(order, search.lines, self.whole[force])
-        poles = search.middle.poles
-        others = [k for k in range(poles.size) if k not in members]
-        beside, sizes = poles[others].tolist(), self.mixed[force][others].tolist()
-        known = replace(seen.known, beside=tuple(beside), beside_size=tuple(sizes))
-        return replace(seen, values=own.seen_from(seen.force_rad).values, known=known)
-
     def _fitted(
         self, order: int, states: Sequence[ForceState], is_last: bool
     ) -> tuple[JointFit, list[RingOrder]] | None:
         """Joint fit of an order, and the order as each force shows it in its first run's state."""
         alone = self.alone[order]
-        seen = [self._seen(force, order, list(each.members)) for force, each in enumerate(alone)]
+        seen = [
+            search.seen_of(order, list(each.members))
+            for search, each in zip(self.searches, alone, strict=True)
+        ]
         start, axes_rad = _common_start([each.start for each in seen]), seen[0].force_rad
         turned = [each.force_rad - axes_rad for each in seen]
         own = [
@@ -208,52 +194,6 @@ def _common_start(starts: Sequence[complex]) -> complex:
     """Mean of the poles that forces start from, without those that only fill a gap: broad ones."""
     narrow = max(starts, key=lambda pole: pole.real)
     return complex(np.mean([pole for pole in starts if abs(pole - narrow) < -narrow.real]))
-
-
-def _whole(search: PairSearch) -> Complex:
-    """FRFs in one state with all that their poles have: nothing of an order is subtracted."""
-    every = range(search.middle.poles.size)
-    return search.left + synthesis_of(search.middle, every, residual_terms=False)
-
-
-def _mixed_sizes(search: PairSearch) -> Real:
-    """How much of each pole another order may hold (1 σ), by what the sensors mix.
-
-    Of a pole that is of no order of the ring it may hold as much as there is. Those in the place of
-    modes above the lines are of orders above.
-    """
-    fit = search.middle
-    size = np.sqrt(2 * np.mean(np.abs(fit.residues) ** 2, axis=0)) * 2 * fit.poles.imag
-    share = np.ones(fit.poles.size)
-    strays = {n: search.stray(n, found, fit.poles[found[0]])[0] for n, found in search.orders}
-    for n, found in search.orders:
-        share[found] = strays[n]
-    share[-N_STAND_INS:] = np.median(list(strays.values()))
-    return np.asarray(_MIXED * share * size)
-
-
-def _take_as_known(search: PairSearch, orders: Sequence[RingOrder]) -> None:
-    """Let a search see the fit with one pole for each order, leakage and states of its pair."""
-    fit, lines, search.further = search.fit, search.fit.lines, {}
-    search.middle = replace(fit, poles=lines.drifted(fit.poles, search.state))
-    left = in_one_state(fit, search.middle.poles)
-    left = left - synthesis_of(search.middle, range(fit.poles.size))
-    left += search.leakage_of_two(orders)
-    for each in orders:
-        own = list(each.members)
-        pair = each.poles, each.waves(search.frf.position_deg), 1.0
-        for poles, shapes, sign in (pair, (fit.poles[own], fit.residues[:, own], -1.0)):
-            wanted = lines.drifted(poles, search.state)
-            for rows, drift in zip(fit.groups, fit.drift, strict=True):
-                left[rows] += sign * _alone(lines.frequency_hz, wanted, shapes[rows])
-                here = lines.drifted(poles, drift)
-                left[rows] -= sign * _alone(lines.frequency_hz, here, shapes[rows])
-    search.left = left
-
-
-def _alone(frequency_hz: Real, poles: Complex, residues: Complex) -> Complex:
-    none = np.zeros(len(residues))
-    return synthesise(frequency_hz, poles, residues, none, none)
 
 
 def _states(fits: Sequence[JointFit]) -> list[ForceState]:

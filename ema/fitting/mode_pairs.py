@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from ema.fitting.order_pair import (
     order_report,
     pair_problem,
 )
-from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit
 from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import has_leakage, leakage_bias
@@ -34,8 +34,8 @@ _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 # Orders up to this many above an order show how far its shape strays from its waves; an RMS is that
 # many medians. Something strays always.
 _NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
-# Further poles beside the one of an order lie this many half-widths away at first.
-_APART = 0.4
+# Sensors mix of one order into another so many times what is the median of all.
+_MIXED = 3.0
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage, of the pairs found so far.
@@ -163,7 +163,6 @@ class PairSearch:
         self.orders = self.main + _inside(others, modes, band_hz)
         # Above the highest order that the positions can tell, an order is an alias.
         self.aliases = {k for k, mode in enumerate(modes) if mode.order is None}
-        self.tells_all = self.decomposition.highest > max((n for n, _ in self.main), default=0) + 1
         self.directions = {
             found[0]: _direction(
                 self.decomposition.rows(order) @ fit.residues[:, found].sum(axis=1)
@@ -204,39 +203,52 @@ class PairSearch:
         return tuple(orders)
 
     def resolve(self, orders: Sequence[RingOrder]) -> None:
-        """Go on from a fit with further poles of each order beside the one in its place.
+        """Take the fit as known: FRFs in one state, with the leakage of the pairs of `orders`.
 
-        What one pole cannot describe of a pair, poles of other orders would follow, with residues
-        free at all positions. Three poles leave them nothing; leakage is that of the pairs of
-        `orders`.
+        Nothing is subtracted: what one pole cannot describe of a pair, and some of its noise, is in
+        the residues of all other poles, which are free at all positions.
         """
-        pairs = {each.key: each.pair for each in orders if each.pair is not None}
-        poles, self.further = self._poles(pairs)
-        lines = replace(self.fit.lines, values=self.fit.lines.values + self.leakage_of_two(orders))
-        fit = evaluate(lines, poles, self.fit.drift)
-        self.middle = replace(fit, poles=lines.drifted(poles, self.state))
-        left = in_one_state(fit, self.middle.poles)
-        self.left = left - synthesis_of(self.middle, range(poles.size))
+        fit, lines = self.fit, self.fit.lines
+        self.middle = replace(fit, poles=lines.drifted(fit.poles, self.state))
+        self.whole = in_one_state(fit, self.middle.poles) + self.leakage_of_two(orders)
+        self.pairs = {each.key: lines.drifted(each.poles, self.state) for each in orders}
+        for each in orders:
+            own = list(each.members)
+            pair = each.poles, each.waves(self.frf.position_deg), 1.0
+            for poles, shapes, sign in (pair, (fit.poles[own], fit.residues[:, own], -1.0)):
+                wanted = lines.drifted(poles, self.state)
+                for rows, drift in zip(fit.groups, fit.drift, strict=True):
+                    here = lines.drifted(poles, drift)
+                    moved = _alone(lines.frequency_hz, wanted, shapes[rows])
+                    moved -= _alone(lines.frequency_hz, here, shapes[rows])
+                    self.whole[rows] += sign * moved
+        self.mixed = self._mixed()
 
-    def _poles(self, pairs: Mapping[int, PairFit]) -> tuple[Complex, dict[int, list[int]]]:
-        """Three poles for each order of the ring, with those of its pair where it is known.
+    def _mixed(self) -> Real:
+        """How much of each pole another order may hold (1 σ), by what the sensors mix.
 
-        Also: which of them are further ones, by the pole of the order. Further resonances keep one:
-        three broad poles are any shape beneath them, as of an order beyond what positions tell.
+        Of a pole that is of no order of the ring it may hold as much as there is. Those in the
+        place of modes above the lines are of orders above.
         """
-        fit = self.fit
-        poles, further = list(fit.poles[:-N_STAND_INS]), dict[int, list[int]]()
-        for _, found in self.main if self.tells_all else ():
-            pair, own = pairs.get(found[0]), fit.poles[found]
-            apart = _APART * own[0].real * 1j
-            beside = [own[0] - apart, own[0] + apart] if pair is None else list(pair.poles)
-            if found[1:]:
-                own, beside = own if pair is None else np.array(pair.poles), [np.mean(own)]
-            for k, pole in zip(found, own, strict=True):
-                poles[k] = pole
-            further[found[0]] = list(range(len(poles), len(poles) + len(beside)))
-            poles += beside
-        return np.array([*poles, *fit.poles[-N_STAND_INS:]]), further
+        strays = {n: self.stray(n, found)[0] for n, found in self.orders}
+        share = np.ones(self.fit.poles.size)
+        for n, found in self.orders:
+            share[found] = _MIXED * strays[n]
+        if strays:
+            share[-N_STAND_INS:] = _MIXED * np.median(list(strays.values()))
+        return np.asarray(share * _sizes(self.middle))
+
+    def _held(self, order: int, found: Sequence[int]) -> tuple[list[complex], list[float]]:
+        """Poles that an order's FRFs hold beside its own, and how much of each at most (1 σ)."""
+        alike = {k for n, others in self.orders if n == order for k in others}
+        poles, sizes = list[complex](), list[float]()
+        for k, pole in enumerate(self.middle.poles):
+            if k not in found:
+                own = self.pairs.get(k, np.array([pole]))
+                size = _sizes(self.middle)[k] if k in alike else self.mixed[k]
+                poles += own.tolist()
+                sizes += [float(size)] * own.size
+        return poles, sizes
 
     def fitted(self, order: int, found: list[int], seen: Seen) -> RingOrder:
         """The pair of one order."""
@@ -285,42 +297,44 @@ class PairSearch:
         return replace(before, pair=pair, seen=base)
 
     def seen_of(self, order: int, found: list[int], near: Real | None = None) -> Seen:
-        """What is seen of one order, and known of it; poles in the same resonance are free."""
-        middle, radians = self.middle, order * np.pi / 180
+        """What is seen of one order, and known of it: its own, and what sensors mix into it."""
         power = np.sum(np.abs(self.fit.residues[:, found]) ** 2, axis=0)
-        poles = self.fit.lines.drifted(self.fit.poles, self.state)
-        start = complex(np.average(poles[found], weights=power))
-        beside = _beside(poles, found)
-        given = [k for key in [*found, *beside] for k in (key, *self.further.get(key, ()))]
-        own = self.left + synthesis_of(middle, given, residual_terms=False)
+        start = complex(np.average(self.middle.poles[found], weights=power))
         force_rad, spread = self.directions[found[0]], _UNKNOWN_RAD
         if self.force_deg is not None and found[0] not in self.aliases:
+            radians = order * np.pi / 180
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
-        seen = self.decomposition.order(order, self.lines, own).seen_from(force_rad)
-        alone = tuple(poles[beside].tolist())
-        stray, mixed = self.stray(order, found, start)
-        direction = float(np.hypot(spread, mixed))
-        about = direction, stray, self.correlation, self.settings, alone, near
-        known = Known(*about, drive_std=mixed)
+        seen = self.decomposition.order(order, self.lines, self.whole).seen_from(force_rad)
+        stray, mixed = self.stray(order, found)
+        beside, sizes = self._held(order, found)
+        known = Known(
+            force_std_rad=float(np.hypot(spread, mixed)),
+            wave_std=stray,
+            correlation=self.correlation,
+            settings=self.settings,
+            beside=tuple(beside),
+            beside_size=tuple(sizes),
+            near=near,
+            drive_std=mixed,
+        )
         return Seen(seen.frequency_hz, seen.values, seen.std, start, known, force_rad)
 
-    def stray(self, order: int, found: list[int], pole: complex) -> tuple[float, float]:
+    def stray(self, order: int, found: list[int]) -> tuple[float, float]:
         """Amplitude of an order's shape in one wave of another order, and in all of them.
 
         Places and gains of the sensors mix all waves alike; an uneven tyre adds a few to each mode,
-        and to what drives it. Less what noise does. Beside another order, three poles for each are
-        not told apart, and one pole has what those of the other leave of its waves.
+        and to what drives it. Less what noise does. Of orders in the same resonance one pole has
+        what those of the other leave of its waves.
         """
-        beside = _beside(self.fit.poles, found)
-        own = [*found, *self.further.get(found[0], ())]
-        shapes = self.fit.residues[:, found] if beside else self.middle.residues[:, own]
-        power = np.sum(np.abs(self.decomposition.waves(shapes.sum(axis=1))) ** 2, axis=1)
-        shared = {order, *(n for n, poles in self.orders if {*poles} & {*beside})}
+        near = {*_beside(self.fit.poles, found)}
+        shapes = self.fit.residues[:, found].sum(axis=1)
+        power = np.sum(np.abs(self.decomposition.waves(shapes)) ** 2, axis=1)
+        shared = {order, *(n for n, poles in self.orders if {*poles} & near)}
         others = [k for k in range(1, power.size) if k not in shared and k <= order + _NEAR]
         if not others:
             return self.settings.wave_deviation, 0.0
         omega = 2 * np.pi * self.frf.frequency_hz[self.lines]
-        alone = omega**2 / np.abs(1j * omega - pole)
+        alone = omega**2 / np.abs(1j * omega - self.middle.poles[found[0]])
         known = np.sum((alone / self.frf.std[:, self.lines]) ** 2)
         noise = 4 * self.correlation / known if np.isfinite(known) else 0.0
         rest = np.sqrt(np.maximum(power[others] / 2 - noise, 0.0) / power[order])
@@ -412,8 +426,11 @@ def in_one_state(fit: PoleFit, poles: Complex) -> Complex:
     return values
 
 
-def synthesis_of(fit: PoleFit, members: Sequence[int], *, residual_terms: bool = True) -> Complex:
-    """FRFs of some poles of a fit, all positions in its first state."""
-    rows = list(members)
-    terms = (fit.lower, fit.upper) if residual_terms else (0 * fit.lower, 0 * fit.upper)
-    return synthesise(fit.lines.frequency_hz, fit.poles[rows], fit.residues[:, rows], *terms)
+def _sizes(fit: PoleFit) -> Real:
+    """Amplitude of each pole's FRF over that of a unit receptance, RMS of the positions."""
+    return np.asarray(np.sqrt(2 * np.mean(np.abs(fit.residues) ** 2, axis=0)) * 2 * fit.poles.imag)
+
+
+def _alone(frequency_hz: Real, poles: Complex, residues: Complex) -> Complex:
+    none = np.zeros(len(residues))
+    return synthesise(frequency_hz, poles, residues, none, none)
