@@ -105,7 +105,7 @@ class Known:
         Lines that share the information of one.
     settings : IdentificationSettings
     beside, beside_size : tuple of complex, tuple of float
-        Poles of other orders of which this one may hold any part, or so much (1 σ).
+        Other poles, and how much of each the FRFs of this order may hold (1 σ).
     near : ndarray, optional
         Parameters of `PairProblem` near which the pair is.
     drive_std : float
@@ -117,8 +117,8 @@ class Known:
     correlation: float
     settings: IdentificationSettings = IDENTIFICATION
     beside: tuple[complex, ...] = ()
-    near: Real | None = None
     beside_size: tuple[float, ...] = ()
+    near: Real | None = None
     drive_std: float = 0.0
 
 
@@ -139,7 +139,7 @@ class PairProblem:
     ----------
     frequency_hz : ndarray, shape (n_lines,)
     values : ndarray of complex, shape (2, n_lines)
-        Amplitudes of cos n(θ − θ_force) and sin n(θ − θ_force), other modes subtracted.
+        Amplitudes of cos n(θ − θ_force) and sin n(θ − θ_force).
     std : ndarray, shape (2,)
         Noise per quadrature of each row.
     start : complex
@@ -168,15 +168,14 @@ class PairProblem:
         self.n_independent = 4 * frequency_hz.size / known.correlation
         alike = settings.pair_split, settings.pair_damping_likeness
         self.priors = np.array([*np.repeat(alike, 2), known.force_std_rad])
-        beside = self._alone(np.array(known.beside))
-        free = [] if known.beside_size else [wave / np.linalg.norm(wave) for wave in beside]
-        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2, *free]
+        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2]
         self.ground = np.linalg.qr(np.array(ground).T)[0]
+        # What the rows may hold of other poles counts less.
         self.held, self.held_share = np.zeros((0, self.omega.size), dtype=complex), np.zeros(0)
-        if known.beside_size:  # what the rows may hold of these waves (1 σ) counts less
-            allowed = np.array(known.beside_size)[:, None] / np.sqrt(np.mean(self.std**2))
-            _, size, self.held = np.linalg.svd(self._above_ground(beside * allowed), False)
-            self.held_share = 1 - 1 / np.hypot(1, size)
+        allowed = np.array(known.beside_size)[:, None] / np.sqrt(np.mean(self.std**2))
+        beside = self._alone(np.array(known.beside, dtype=complex)) * allowed
+        _, size, self.held = np.linalg.svd(self._above_ground(beside), full_matrices=False)
+        self.held_share = 1 - 1 / np.hypot(1, size)
         self.basis = self._span()
         to_basis = self.basis.conj()
         self.to_basis = to_basis - (self.held.conj().T * self.held_share) @ (self.held @ to_basis)
@@ -185,8 +184,7 @@ class PairProblem:
         self.outside = np.sum(np.abs(outside) ** 2, axis=1)
         self.sizes = np.array([self.ratio, 1.0, self.ratio, self.ratio, 1.0, 1.0, 0.2]) / 10
         self.steps = 1e-6 * np.diag(self.sizes)
-        self.scale = 1.0
-        self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
+        self.scale, self.amplitude = 1.0, 1e-12  # no mixing at first, to see the wave's size
         self._solved: tuple[tuple[float, ...], _Linear] | None = None
 
     def _span(self) -> Complex:
