@@ -16,10 +16,18 @@ from .hub import HubResponse, free_hub_roots, hub_response
 from .identifiability import Sensitivity, frequency_sensitivity
 from .loaded import ContactPatch, LoadedRing, contact_patch, load_ring, loaded_frequencies_hz
 from .parameters import RingDamping, RingParameters, Wheel
-from .ring import displacement_ratio, modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz
+from .ring import (
+    Bifurcation,
+    WavePair,
+    bifurcation,
+    displacement_ratio,
+    modal_mass_kg,
+    natural_frequencies_hz,
+    torsion_frequency_hz,
+    wave_pair,
+)
 from .road import PressedRing, Tread, press_on_road
 from .tuning import TuningResult, tune_ring
-from .waves import Bifurcation, WavePair, bifurcation, wave_pair
 
 __all__ = [
     "Bifurcation",

@@ -12,8 +12,7 @@ from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0
 
 from model.arguments import Array
 from model.identifiability import OUTLIER, WRONG_VALUE, degrees_of_freedom
-from model.parameters import RING_NAMES
-from model.tuning_prior import ModalMasses
+from model.parameters import RING_NAMES, ModalMasses
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
 
 

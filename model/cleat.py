@@ -17,8 +17,7 @@ from model.arguments import Array, ReadonlyArrays, finite_array, require_number,
 from model.coefficients import characteristic_roots
 from model.errors import InstabilityError, ParameterError
 from model.forced import ORDERS_AT_ONCE, Complex, Direction, ForcedRing, angular_frequency
-from model.ring import belt_width_m
-from model.waves import Frame, require_frame
+from model.ring import Frame, belt_width_m, require_frame
 
 #: What is read at the response point: u, its first or its second derivative in time.
 Quantity = Literal["displacement", "velocity", "acceleration"]

@@ -15,8 +15,7 @@ from model.arguments import Array, finite_array, readonly, require_one_of, requi
 from model.coefficients import Harmonics, PressureLoad, harmonics
 from model.errors import ParameterError
 from model.parameters import RingDamping, RingParameters, Wheel
-from model.ring import belt_width_m
-from model.waves import Frame, require_frame
+from model.ring import Frame, belt_width_m, require_frame
 
 #: Direction of a force or a response on the belt.
 Direction = Literal["radial", "circumferential"]

@@ -29,8 +29,14 @@ from model.identifiability import (
     posterior_spread,
     rests_on_one_value,
 )
-from model.parameters import RING_NAMES, RingParameters, as_typed, listed_parameters
-from model.tuning_prior import TuningPriors, modal_masses
+from model.parameters import (
+    RING_NAMES,
+    RingParameters,
+    TuningPriors,
+    as_typed,
+    listed_parameters,
+    modal_masses,
+)
 from model.tuning_problem import (
     AXIAL,
     MASS,

@@ -22,9 +22,16 @@ from model.arguments import (
 )
 from model.coefficients import PressureLoad, harmonics, require_pressure_load
 from model.errors import ParameterError
-from model.parameters import LARGEST_THICKNESS_RATIO, ManyRings, RingParameters
+from model.parameters import (
+    GROWTH,
+    GROWTH_STD,
+    LARGEST_THICKNESS_RATIO,
+    ManyRings,
+    ModalMasses,
+    RingParameters,
+    TuningPriors,
+)
 from model.ring import modal_mass_kg, natural_frequencies_hz
-from model.tuning_prior import GROWTH, GROWTH_STD, ModalMasses, TuningPriors
 
 MASS, WIDTH = "mass_per_area_kg_m2", "belt_width_m"
 RADIAL, CIRCUMFERENTIAL = "radial_stiffness_n_m3", "circumferential_stiffness_n_m3"

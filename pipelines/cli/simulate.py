@@ -12,7 +12,7 @@ from model import Cleat, CleatTest, ForcedRing, Tread, hub_response
 from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
-from model.waves import Frame, WaveFrame
+from model.ring import Frame, WaveFrame
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.app import Command, group

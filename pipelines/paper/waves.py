@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ema.core.display import signed
 from model import WavePair, bifurcation, natural_frequencies_hz, wave_pair
 from model.parameters import TABLE_4_RING
-from model.waves import WaveFrame
+from model.ring import WaveFrame
 from pipelines.paper.parts import (
     FIGURE_6_ORDERS,
     SPEED_RAD_S,

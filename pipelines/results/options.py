@@ -13,7 +13,7 @@ from ema.core.display import DASH, plain, value_with_std
 from ema.core.errors import InputError
 from ema.core.settings import CheckSettings, IdentificationSettings
 from model.coefficients import PressureLoad
-from model.tuning_prior import TuningPriors
+from model.parameters import TuningPriors
 
 #: Widest default band of a tyre.
 TYRE_BAND_HZ = (20.0, 300.0)

@@ -28,7 +28,7 @@ from model.cleat import Quantity
 from model.coefficients import PressureLoad
 from model.forced import Direction
 from model.loaded import require_mode_count
-from model.waves import Frame
+from model.ring import Frame
 
 PER_FORCE = "(m/s²)/N"
 PER_LINE_FORCE = "(m/s²)/(N/m)"

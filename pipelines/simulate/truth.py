@@ -34,7 +34,7 @@ from model.parameters import (
     RingParameters,
     Wheel,
 )
-from model.waves import WaveFrame
+from model.ring import WaveFrame
 from pipelines.library.library import read_source
 
 FORCES = ("force_x", "force_z", "moment_m")

@@ -7,8 +7,7 @@ import pytest
 
 from model import modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz, tune_ring
 from model.adequacy import Reason, State
-from model.parameters import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING
-from model.tuning_prior import TuningPriors
+from model.parameters import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING, TuningPriors
 
 ORDERS = np.arange(1, 9)
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}

@@ -19,8 +19,7 @@ from model import (
 )
 from model.errors import InstabilityError
 from model.foundation import with_pressure_load
-from model.parameters import TABLE_4_RING, TABLE_5_DAMPING
-from model.tuning_prior import GROWTH
+from model.parameters import GROWTH, TABLE_4_RING, TABLE_5_DAMPING
 
 
 def belt_modes(ring, load):

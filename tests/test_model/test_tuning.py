@@ -14,10 +14,9 @@ from model import (
     tune_ring,
 )
 from model.adequacy import Reason
-from model.parameters import RING_NAMES, TABLE_4_RING
+from model.parameters import RING_NAMES, TABLE_4_RING, TuningPriors
 from model.parameters import TABLE_3_FREQUENCIES_HZ as MEASURED
 from model.parameters import TABLE_3_ORDERS as ORDERS
-from model.tuning_prior import TuningPriors
 from model.tuning_problem import TuningProblem
 
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}

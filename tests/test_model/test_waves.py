@@ -281,10 +281,10 @@ def test_refusals(call, where):
 
 def test_growth_is_refused_as_a_frequency_and_reported_as_growth(monkeypatch):
     unstable = np.array([300.0 - 5j, 300.0 + 5j, 5000.0, -5000.0])
-    monkeypatch.setattr("model.waves.characteristic_roots", lambda *_, **__: unstable)
+    monkeypatch.setattr("model.ring.characteristic_roots", lambda *_, **__: unstable)
     with pytest.raises(InstabilityError, match="grows by 5"):
         wave_pair(TABLE_4_RING, 2, 10.0)
-    monkeypatch.setattr("model.waves.characteristic_roots", lambda *_, **__: unstable[None, None])
+    monkeypatch.setattr("model.ring.characteristic_roots", lambda *_, **__: unstable[None, None])
     found = bifurcation(TABLE_4_RING, 2, 10.0)
     assert np.isnan(found.regressive_hz).all()
     assert found.growth_rate_1_s[0, 0] == 5.0

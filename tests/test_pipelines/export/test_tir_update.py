@@ -15,7 +15,7 @@ from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
 from model.adequacy import Evidence, Reason, RingVerdict
 from model.foundation import with_pressure_load
-from model.tuning_prior import GROWTH
+from model.parameters import GROWTH
 from model.tuning_problem import TuningProblem
 from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
