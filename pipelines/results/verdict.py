@@ -83,19 +83,15 @@ def orders_in_doubt(result: Result) -> bool:
 
 
 def ring_is_usable(result: Result) -> bool:
-    """Whether there are ring parameters that may be shown as a result.
-
-    After a bad drift nobody knows which run had the pressure that they rest on; a test with many
-    faulty sensors is to be made again.
-    """
+    """Whether ring parameters may be shown: not after a bad drift, nor with many faulty sensors."""
     doubt = orders_in_doubt(result) or drift_percent(result) > _BAD_DRIFT_PERCENT
-    doubt = doubt or n_positions_out(result) > _BAD_EXCLUDED * result.measured.n_positions
-    return result.tuning is not None and result.tuning.verdict.state != State.BAD and not doubt
+    sound = result.tuning is not None and result.tuning.verdict.state != State.BAD
+    return sound and not doubt and share_out(result) <= _BAD_EXCLUDED
 
 
-def n_positions_out(result: Result) -> int:
-    """Number of measured positions that are left out."""
-    return result.measured.n_positions - result.frf.n_positions
+def share_out(result: Result) -> float:
+    """Share of the measured positions that is left out."""
+    return 1 - result.frf.n_positions / result.measured.n_positions
 
 
 def drift_percent(result: Result) -> float:
@@ -190,8 +186,9 @@ def _drift(result: Result) -> Remark:
 
 def _excluded(result: Result, out: list[Finding]) -> Remark:
     checks = list(dict.fromkeys(each.check for each in out))
-    n_measured, n_out = result.measured.n_positions, n_positions_out(result)
-    state = State.BAD if n_out > _BAD_EXCLUDED * n_measured else State.DOUBTFUL
+    n_measured = result.measured.n_positions
+    n_out = n_measured - result.frf.n_positions
+    state = State.BAD if share_out(result) > _BAD_EXCLUDED else State.DOUBTFUL
     brief = f"{n_out} of {n_measured} positions are excluded" if n_out else "excluded"
     why = ", ".join(
         f"{check} ({_places([each for each in out if each.check == check])})" for check in checks
