@@ -212,6 +212,7 @@ def build_stability(
         rule = f"it must be from 2 to {_MOST_ORDERS}"
         raise InputError("poles", f"max_order {max_order}", rule, "The usual one is 60")
     end_if_stopped()
+    require_type("frf", frf, (FRF, References), "Estimate it with `estimate_frf`")
     rows = (frf,) if isinstance(frf, FRF) else frf.common_rows()
     n_forces = len(rows)
     bands = [widened_band(each, band_hz) for each in rows]

@@ -22,7 +22,7 @@ LINES = slice(30, 540)
 # Common shifts of run 2 … 6 in percent: temperature rising evenly, and a jump with a return.
 DRIFTS = {
     "even": np.array([0, 0.06, 0.12, 0.18, 0.24, 0.3]),
-    "back": np.array([0, -0.3, -0.05, 0.1, 0, -0.2]),
+    "back": np.array([0, -0.3, -0.05, 0.12, 0, -0.2]),
 }
 
 

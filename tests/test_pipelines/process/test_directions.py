@@ -25,8 +25,7 @@ EFFECTS = Effects(seed=5, duration_s=10.0, sensor_mass_kg=0.004, snr_db=60.0)
 class TangentialLaboratory(Laboratory):
     """Force and sensors along the belt."""
 
-    @property
-    def drive(self):
+    def drive_in(self, run):
         return self.tyre.surface(np.array([self.force_deg]), 90.0)[0]
 
     def mounting(self, run):
