@@ -168,8 +168,7 @@ class PairProblem:
         self.n_independent = 4 * frequency_hz.size / known.correlation
         alike = settings.pair_split, settings.pair_damping_likeness
         self.priors = np.array([*np.repeat(alike, 2), known.force_std_rad])
-        ground = [np.ones_like(self.omega), (self.omega / self.size) ** 2]
-        self.ground = np.linalg.qr(np.array(ground).T)[0]
+        self.ground = np.linalg.qr(np.vander(self.omega / self.size, 3)[:, ::2])[0]  # ω² and 1
         # What the rows may hold of other poles counts less.
         self.held, self.held_share = np.zeros((0, self.omega.size), dtype=complex), np.zeros(0)
         allowed = np.array(known.beside_size)[:, None] / np.sqrt(np.mean(self.std**2))
@@ -194,7 +193,8 @@ class PairProblem:
         poles = np.array([f * (-self.ratio * w + 1j) for f in frequencies for w in widths])
         functions = self._above_ground(self._alone(poles))
         functions /= np.linalg.norm(functions, axis=1, keepdims=True)
-        return np.asarray(np.linalg.svd(functions, full_matrices=False)[2][:_DIMENSIONS].T)
+        above = min(_DIMENSIONS, self.omega.size - 2)  # the rest is background
+        return np.asarray(np.linalg.svd(functions, full_matrices=False)[2][:above].T)
 
     def _alone(self, poles: Complex) -> Complex:
         """FRFs of single poles, (n_poles, n_lines)."""
@@ -341,7 +341,7 @@ class PairProblem:
         """Best of the search from a small split and that from the likeliest larger one."""
         starts = np.tile(one, (len(_LARGE), 1))
         starts[:, [_DAMPING, _ALONG, _ACROSS]] += np.array(_LARGE) * [1, self.ratio, self.ratio]
-        waves = self._waves(starts) @ self.basis.conj()
+        waves = self._waves(starts) @ self.to_basis
         left = [np.linalg.norm(self._eliminated(each).left) for each in waves]
         likeliest = starts[np.argsort(left)[:_MOST_LOOKS]]
         looks = [self.minimum(each, most=_FIRST_LOOK) for each in likeliest]

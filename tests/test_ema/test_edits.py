@@ -51,7 +51,7 @@ def split(request):
 @pytest.fixture(scope="module")
 def found():
     """Orders that show two members, and orders that do not."""
-    return identify_modes(systems.campaign_frf(truth_modes(split_percent=0.7), 34, seed=0))
+    return identify_modes(systems.campaign_frf(truth_modes(split_percent=0.1), 34, seed=0))
 
 
 @pytest.fixture(scope="module")
@@ -276,7 +276,7 @@ def test_undone_edits_leave_nothing_and_a_replay_is_the_session(found, single):
 
 def test_edits_of_a_result_find_the_same_modes_in_other_recordings(found):
     member = next(mode for mode in found.model.modes if mode.member == "a")
-    other = systems.campaign_frf(truth_modes(split_percent=0.7), 34, seed=9)
+    other = systems.campaign_frf(truth_modes(split_percent=0.1), 34, seed=9)
     automatic = identify_modes(other).model.modes
     left = identify_modes(other, edits=[edit(EditKind.SET_ASIDE, member)]).model.modes
     gone = [mode for mode in automatic if mode.pole not in {each.pole for each in left}]
