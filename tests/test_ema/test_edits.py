@@ -60,11 +60,11 @@ def single(found):
 
 
 def beside(found, mode):
-    """A pole of the diagram near a mode, but not it."""
+    """A pole of the diagram near a mode and damped like it, but not it."""
     diagram = found.diagram
     away = np.abs(diagram.frequency_hz / mode.frequency_hz - 1)
     rows = np.flatnonzero((away > 0.003) & (away < 0.02))
-    row = rows[len(rows) // 2]
+    row = rows[np.argmin(np.abs(diagram.damping_ratio[rows] - mode.damping_ratio))]
     place = diagram.frequency_hz[row], diagram.damping_ratio[row]
     return PoleName(*map(float, place), "lsce", int(diagram.model_order[row]))
 
