@@ -9,7 +9,7 @@ import os
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -151,6 +151,15 @@ class Browser:
     def find(self, selector: str) -> Any:
         """The first element that fits, as something to point at."""
         return self.driver.find_element("css selector", selector)
+
+    def click(self, selector: str) -> None:
+        """Click on the first element that fits; again if the page was just drawn anew."""
+        from selenium.common.exceptions import StaleElementReferenceException
+
+        for _ in range(5):
+            with suppress(StaleElementReferenceException):
+                return self.find(selector).click()
+        self.find(selector).click()
 
     def find_all(self, selector: str) -> list[Any]:
         """All elements that fit, as things to point at."""

@@ -222,11 +222,11 @@ def test_gain_start_and_note_are_asked_for(bench):
     press(bench, "2", Keys.ENTER)
     row = bench.js("return ringmodalBench.view.row")
     assert settled(bench, cursor=1)["channels"][row]["gain"] == pytest.approx(2)
-    bench.find("[data-focus='why start']").click()
+    bench.click("[data-focus='why start']")
     press(bench, Keys.ENTER)
     start = settled(bench, cursor=2)["edits"][1]
     assert (start["kind"], start["mode"]) == ("start", bench.js(STATE)["modes"][0]["name"])
-    bench.find("[data-focus='note']").click()
+    bench.click("[data-focus='note']")
     press(bench, "warm tyre")
     bench.find("#ok").click()
     note = settled(bench, cursor=3)["edits"][2]
