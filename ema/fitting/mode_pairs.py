@@ -38,8 +38,9 @@ _NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
 _MIXED = 3.0
 # Poles closer than this many half-widths of the broader one share a resonance.
 _SHARED = 1.5
-# Further fits of the orders beside poles, and with leakage, of the pairs found so far.
-_ROUNDS = 1
+# Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
+# at most so many, until poles move by less than this share of their standard deviation.
+_ROUNDS, _SETTLED = 5, 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,10 +197,13 @@ class PairSearch:
                 break
             self.resolve(both)
             near = [each.pair.parameters if each in both and each.pair else None for each in orders]
+            last = orders
             orders = [
                 each if each in before else self._again(each, start)
                 for each, start in zip(orders, near, strict=True)
             ]
+            if all(_is_settled(*each) for each in zip(last, orders, strict=True)):
+                break
         return tuple(orders)
 
     def resolve(self, orders: Sequence[RingOrder]) -> None:
@@ -367,6 +371,15 @@ class PairSearch:
             name: lines.drifted(moving, state) for name, state in zip(names, states, strict=True)
         }
         return -leakage_bias(self.frf, lines.frequency_hz, runs, shapes)
+
+
+def _is_settled(before: RingOrder, now: RingOrder) -> bool:
+    """Whether a further round changed nothing of an order."""
+    if before.pair is None or now.pair is None:
+        return before.pair is now.pair
+    away = np.abs(now.pair.numbers - before.pair.numbers)
+    shown = slice(None) if now.is_resolved else slice(4, None)
+    return bool(np.all(away[shown] <= _SETTLED * np.sqrt(np.diag(now.pair.covariance))[shown]))
 
 
 def _inside(
