@@ -51,7 +51,7 @@ from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability
 _CONSISTENCY_PASSES = 3
 # What a drift does to the compensation of masses is a tenth of it each time.
 _DRIFT_PASSES = 2
-# Compensations of the sensors' mass with the pairs that several forces show.
+# Compensations of the sensors' mass with the pairs that were found.
 _MASS_PASSES = 2
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
@@ -334,6 +334,15 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
             break
         state = replace(state, mass=replace(state.mass, drift=drift))
         fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
+    for _ in range(_MASS_PASSES):
+        across = across_forces([fit[1].curve])[0]
+        if state.mass is None or not state.mass.loads or not across:
+            break
+        state = replace(state, mass=replace(state.mass, across=across))
+        fitted = state.fitted
+        curve = fit[1].curve.on(fitted)
+        curve.find_pairs()
+        fit = fit[0], EditedFit(curve)
     if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
         share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
         state = state.told(no_wave_finding(share, checks))

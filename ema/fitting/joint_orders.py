@@ -142,12 +142,13 @@ class _JointSearch:
 
 
 def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, Complex]]]:
-    """Against each force, how each order answers across it less how it answers along it.
+    """Against each force, how a pair answers across it less how it answers along it.
 
     By order the poles of its members and their residues: what one force does not see of a pair.
     The residue of a member for a force on its crest is that against the force which drives it most.
     """
-    rings = [{o.order: o for o in curve.ring if o.is_resolved and o.jointly} for curve in curves]
+    known = [[o for o in curve.ring if o.is_resolved] for curve in curves]
+    rings = [{o.order: o for o in ring if o.jointly or len(curves) == 1} for ring in known]
     forces_rad = np.deg2rad([curve.frf.excitation_deg for curve in curves])
     found: list[dict[int, tuple[Complex, Complex]]] = [{} for _ in curves]
     for order, first in rings[0].items():
