@@ -17,6 +17,9 @@ from ema.core.modes import ModalModel
 
 # Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
 _MASS_KNOWN = 0.01
+# How a pair answers across the force is found from its FRFs along it: to a tenth (laboratory tyres),
+# of which a member has more the less the force drives it.
+_ACROSS_KNOWN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +90,8 @@ def with_mass_std(
         np.min(np.abs(hz[:, None] / loaded_hz - 1), axis=1) for hz in (bare_hz, others_hz)
     )
     # A mode that only one of both shows is shifted like the others.
-    unknown = _MASS_KNOWN * np.minimum(shift, 2 * np.median(others))
+    known = np.hypot(_MASS_KNOWN, _ACROSS_KNOWN * (1 - _shares(model)))
+    unknown = known * np.minimum(shift, 2 * np.median(others))
     variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
     modes = [
         replace(
@@ -99,6 +103,13 @@ def with_mass_std(
     ]
     covariance = model.covariance + np.diag(variance.ravel())
     return replace(model, modes=tuple(modes), covariance=covariance)
+
+
+def _shares(model: ModalModel) -> NDArray[np.float64]:
+    """Share of its order's response that each mode has; 1 where its order has no other."""
+    power = np.array([np.sum(np.abs(mode.residues) ** 2) for mode in model.modes])
+    order = np.array([mode.order or -1 - k for k, mode in enumerate(model.modes)])
+    return np.asarray(power / np.sum(power * (order[:, None] == order), axis=1))
 
 
 def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:

@@ -147,8 +147,15 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
     By order the poles of its members and their residues: what one force does not see of a pair.
     The residue of a member for a force on its crest is that against the force which drives it most.
     """
-    known = [[o for o in curve.ring if o.is_resolved] for curve in curves]
-    rings = [{o.order: o for o in ring if o.jointly or len(curves) == 1} for ring in known]
+    alone = len(curves) == 1
+    rings = [
+        {
+            o.order: o
+            for o in curve.ring
+            if (o.is_main and o.shows_two(curve.settings) if alone else o.is_resolved and o.jointly)
+        }
+        for curve in curves
+    ]
     forces_rad = np.deg2rad([curve.frf.excitation_deg for curve in curves])
     found: list[dict[int, tuple[Complex, Complex]]] = [{} for _ in curves]
     for order, first in rings[0].items():
