@@ -158,7 +158,8 @@ class Browser:
 
         for _ in range(5):
             with suppress(StaleElementReferenceException):
-                return self.find(selector).click()
+                self.find(selector).click()
+                return
         self.find(selector).click()
 
     def find_all(self, selector: str) -> list[Any]:

@@ -17,8 +17,8 @@ from ema.core.modes import ModalModel
 
 # Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
 _MASS_KNOWN = 0.01
-# How a pair answers across the force is found from its FRFs along it: to a tenth (laboratory tyres),
-# of which a member has more the less the force drives it.
+# How a pair answers across the force is found from its FRFs along it, to a tenth (laboratory
+# tyres), of which a member has more the less the force drives it.
 _ACROSS_KNOWN = 0.1
 
 
