@@ -15,6 +15,16 @@ from model.identifiability import OUTLIER, WRONG_VALUE, degrees_of_freedom
 from model.parameters import RING_NAMES, ModalMasses
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
 
+_STARTS = 2  # of a tuning that another is compared with
+_LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the model
+_MISFIT = 4.0  # standard deviations of the model form, rms, from which no ring fits
+_CLEAR = 4.0  # χ² by which this order explains the deviations better than any other: odds of 7
+_MOST_LIKELY = 2  # orders named where one of them is wrong
+_TELLING = (MASS, RADIAL, CIRCUMFERENTIAL)  # parameters that a tyre does not have near a limit
+_SHIFT_P = 0.01  # probability of residuals so much smaller by chance with every order moved
+_SHIFT_GAIN = 25.0  # χ² by which moved orders must fit frequencies and modal masses better
+_LEAST_ERROR = 1e-4  # relative error of a frequency below which none is compared
+
 
 class State(StrEnum):
     """How far a tuned ring may be relied upon."""
@@ -139,17 +149,6 @@ class RingVerdict:
         return f"{self.state}: " + (
             "; ".join(e.detail for e in self.evidence) or "nothing doubtful"
         )
-
-
-_STARTS = 2  # of a tuning that another is compared with
-_LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the model
-_MISFIT = 4.0  # standard deviations of the model form, rms, from which no ring fits
-_CLEAR = 4.0  # χ² by which this order explains the deviations better than any other: odds of 7
-_MOST_LIKELY = 2  # orders named where one of them is wrong
-_TELLING = (MASS, RADIAL, CIRCUMFERENTIAL)  # parameters that a tyre does not have near a limit
-_SHIFT_P = 0.01  # probability of residuals so much smaller by chance with every order moved
-_SHIFT_GAIN = 25.0  # χ² by which moved orders must fit frequencies and modal masses better
-_LEAST_ERROR = 1e-4  # relative error of a frequency below which none is compared
 
 
 def judge_tuning(

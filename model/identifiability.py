@@ -41,6 +41,9 @@ SENSITIVE = (
     "inflation_pressure_pa",
 )
 _STEP = 1e-4  # relative; central differences then err by about 1e-8
+_CHANGE = 1e-4  # relative; of pressure, radius and held values
+#: Weight of the prior model form, in degrees of freedom, beside the residuals.
+_FORM_WEIGHT = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +194,7 @@ def _error_level(fit: LinearFit, residual: Array, given: Array | None) -> tuple[
     return np.maximum(given, implied), f"{note} where these exceed those of the measured values."
 
 
-_CHANGE = 1e-4  # relative; of pressure, radius and held values
 _DRAWS, _LEAST_DRAWS = 4000, 100  # of a posterior that ends at a bound
-#: Weight of the prior model form, in degrees of freedom, beside the residuals.
-_FORM_WEIGHT = 2.0
 
 
 @dataclass(frozen=True, eq=False)

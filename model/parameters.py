@@ -17,6 +17,30 @@ from model.errors import ParameterError
 LARGEST_THICKNESS_RATIO = 0.2
 #: Hoop strain beyond which the quadratic strain of eq 3 is not valid.
 LARGEST_HOOP_STRAIN = 0.2
+RING_NAMES = {
+    "mean_radius_m": ("mean radius", "a", "m"),
+    "belt_width_m": ("belt width", "b", "m"),
+    "inflation_pressure_pa": ("inflation pressure", "p₀", "Pa"),
+    "mass_per_area_kg_m2": ("mass per area", "ρh", "kg/m²"),
+    "radial_stiffness_n_m3": ("radial stiffness", "k_r", "N/m³"),
+    "circumferential_stiffness_n_m3": ("circumferential stiffness", "k_θ", "N/m³"),
+    "axial_stiffness_n_m": ("axial stiffness", "K", "N/m"),
+    "bending_stiffness_n_m": ("bending stiffness", "D", "N m"),
+}
+DAMPING_NAMES = {
+    "radial_n_s_m3": ("radial damping", "c_r", "N s/m³"),
+    "circumferential_n_s_m3": ("circumferential damping", "c_θ", "N s/m³"),
+    "loss_factor": ("loss factor", "η", "1"),
+}
+DESIGNATION = "225/55R17"
+
+#: Table 3: circumferential orders, natural frequencies in Hz and damping ratios, unloaded tyre.
+TABLE_3_ORDERS = readonly([1, 2, 3, 4, 5, 6, 7], int)
+TABLE_3_FREQUENCIES_HZ = readonly([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
+TABLE_3_DAMPING_RATIOS = readonly([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
+
+#: Deviation of a single modal mass from that of the ring, besides its own error.
+_MASS_FORM_STD = 0.02
 
 
 @dataclass(frozen=True)
@@ -188,23 +212,6 @@ class Wheel:
             require_number(entry.name, getattr(self, entry.name))
 
 
-RING_NAMES = {
-    "mean_radius_m": ("mean radius", "a", "m"),
-    "belt_width_m": ("belt width", "b", "m"),
-    "inflation_pressure_pa": ("inflation pressure", "p₀", "Pa"),
-    "mass_per_area_kg_m2": ("mass per area", "ρh", "kg/m²"),
-    "radial_stiffness_n_m3": ("radial stiffness", "k_r", "N/m³"),
-    "circumferential_stiffness_n_m3": ("circumferential stiffness", "k_θ", "N/m³"),
-    "axial_stiffness_n_m": ("axial stiffness", "K", "N/m"),
-    "bending_stiffness_n_m": ("bending stiffness", "D", "N m"),
-}
-DAMPING_NAMES = {
-    "radial_n_s_m3": ("radial damping", "c_r", "N s/m³"),
-    "circumferential_n_s_m3": ("circumferential damping", "c_θ", "N s/m³"),
-    "loss_factor": ("loss factor", "η", "1"),
-}
-
-
 def listed_parameters(ring: RingParameters) -> list[tuple[str, str, str, float, str]]:
     """Field, name, symbol, value and unit of every parameter that is given."""
     return [
@@ -219,13 +226,6 @@ def as_typed(value: float) -> str:
     text = f"{value:.10g}"
     return text if len(text) <= len("220000") else number(value)
 
-
-DESIGNATION = "225/55R17"
-
-#: Table 3: circumferential orders, natural frequencies in Hz and damping ratios, unloaded tyre.
-TABLE_3_ORDERS = readonly([1, 2, 3, 4, 5, 6, 7], int)
-TABLE_3_FREQUENCIES_HZ = readonly([78.73, 100.31, 121.40, 145.45, 170.78, 196.52, 224.40])
-TABLE_3_DAMPING_RATIOS = readonly([0.039, 0.033, 0.024, 0.022, 0.021, 0.020, 0.018])
 
 #: Table 4 with the measured mean radius, and the pressure and width that are not in the paper.
 TABLE_4_RING = RingParameters(
@@ -251,8 +251,6 @@ REFITTED_DAMPING = RingDamping(
 #: Radial growth of a belt on inflation over its radius where it was not measured, and its standard
 #: deviation: tyres grow by 0.05 to 1 %.
 GROWTH, GROWTH_STD = 0.0035, 0.003
-#: Deviation of a single modal mass from that of the ring, besides its own error.
-_MASS_FORM_STD = 0.02
 
 
 @dataclass(frozen=True)

@@ -209,8 +209,7 @@ class TuningProblem(ReadonlyArrays):
 
     def mass_deviations(self, ring: RingParameters) -> Array:
         """Logarithm of each modal mass of the ring over the measured one."""
-        masses = self.masses
-        if masses is None:
+        if (masses := self.masses) is None:
             return np.empty(0)
         found = modal_mass_kg(ring, masses.orders, pressure_load=self.pressure_load)
         return np.log(found / masses.mass_kg)
@@ -226,10 +225,7 @@ class TuningProblem(ReadonlyArrays):
         return np.asarray(cholesky(self._mass_errors @ self._mass_errors.T, lower=True))
 
     def data_errors(self, ring: RingParameters) -> Array:
-        """Change of `deviations` for each independent error of the data, (n_data, n_errors).
-
-        The last column is that of the belt width.
-        """
+        """Change of `deviations` by each error of the data, (n_data, n_errors); last the width's."""
         if self.objective == "paper":
             errors = np.diag((self.data_slope(ring) * self.frequency_errors)[self.used])
             return np.column_stack([errors, np.zeros(errors.shape[0])])
@@ -353,12 +349,8 @@ class Search(ReadonlyArrays):
         guesses = [_linear_solution(self, mass) for mass in (None, *_START_MASSES)]
         if self.problem.start:
             guesses.insert(0, guesses[0] | dict(self.problem.start))
-        return [
-            self._inside(
-                np.array([guess.get(n, t) for n, t in zip(self.free, self.scale, strict=True)])
-            )
-            for guess in guesses
-        ]
+        own = list(zip(self.free, self.scale, strict=True))
+        return [self._inside(np.array([each.get(n, t) for n, t in own])) for each in guesses]
 
 
 def _by_name(values: Array) -> list[Any]:

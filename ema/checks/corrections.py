@@ -17,6 +17,19 @@ from ema.core.frf import FRF, position_finding
 from ema.core.settings import CHECKS, CheckSettings
 from ema.signals.leakage import line_coherence
 
+_SAID = {
+    EditKind.CHANNEL_OUT: "left out",
+    EditKind.RUN_OUT: "left out with its run",
+    EditKind.CHANNEL_IN: "used, whatever the checks say of it",
+    EditKind.FLIP: "sign changed",
+    EditKind.GAIN: "multiplied with a factor",
+}
+_HUM_HZ = (50.0, 60.0)
+# One or two places may have a fault of their own, unless more than two runs differ there.
+_FEWEST_AVERAGED = 3
+# Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
+_FEW_AVERAGES = 6.0
+
 
 class DecidedBy(StrEnum):
     """Who decided on a correction."""
@@ -110,15 +123,6 @@ def followed_by(
         source = before.source_row if before else source
         changed[row] = replace(each, row=row, source_row=source, factor=factor)
     return tuple(changed[row] for row in sorted(changed))
-
-
-_SAID = {
-    EditKind.CHANNEL_OUT: "left out",
-    EditKind.RUN_OUT: "left out with its run",
-    EditKind.CHANNEL_IN: "used, whatever the checks say of it",
-    EditKind.FLIP: "sign changed",
-    EditKind.GAIN: "multiplied with a factor",
-}
 
 
 def channel_edits(edits: Sequence[Edit]) -> tuple[Edit, ...]:
@@ -220,13 +224,6 @@ def _after(before: Correction, edit: Edit) -> Correction:
 def _finding(frf: FRF, made: Correction, said: str) -> Finding:
     verdict = Verdict.EXCLUDED if made.excluded else Verdict.WARNING
     return position_finding(frf, made.row, Check.BY_HAND, verdict, f"decided by hand: {said}")
-
-
-_HUM_HZ = (50.0, 60.0)
-# One or two places may have a fault of their own, unless more than two runs differ there.
-_FEWEST_AVERAGED = 3
-# Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
-_FEW_AVERAGES = 6.0
 
 
 def screen(

@@ -25,6 +25,20 @@ from scipy.ndimage import uniform_filter1d
 from ema.circumference.orders import circle_basis, highest_order, on_circle
 from ema.core.frf import FRF
 
+# Gains repeat from run to run to a percent; what is nearer to 1 than this is how sensors are.
+_SMALLEST = 0.03
+_SIGNIFICANT = 5.0  # standard deviations
+# Share of the difference, beyond noise, that the factor has to explain. Of damping that changes it
+# explains a half, of a gain all.
+_EXPLAINED = 0.8
+# Frequencies shift by that much where pressure and warming change, high orders more than low ones:
+# each part of the band is shifted to where it fits. Half a step is 1/80 of a half-bandwidth.
+_SHIFTS = np.linspace(-0.03, 0.03, 121)
+_PARTS = 8
+_SAME_PLACE_DEG = 0.1
+_ENOUGH_ORDERS = 12  # between positions, the response follows from waves: more than a tyre has here
+_SMOOTHED = 5  # lines of the derivative by frequency
+
 
 @dataclass(frozen=True, eq=False)
 class ReferenceCheck(ReadonlyArrays):
@@ -162,18 +176,6 @@ def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -
     )
 
 
-# Gains repeat from run to run to a percent; what is nearer to 1 than this is how sensors are.
-_SMALLEST = 0.03
-_SIGNIFICANT = 5.0  # standard deviations
-# Share of the difference, beyond noise, that the factor has to explain. Of damping that changes it
-# explains a half, of a gain all.
-_EXPLAINED = 0.8
-# Frequencies shift by that much where pressure and warming change, high orders more than low ones:
-# each part of the band is shifted to where it fits. Half a step is 1/80 of a half-bandwidth.
-_SHIFTS = np.linspace(-0.03, 0.03, 121)
-_PARTS = 8
-
-
 @dataclass(frozen=True)
 class OddGain:
     """Factor of one run over the usual one, with its standard deviation."""
@@ -262,10 +264,6 @@ def gain_findings(check: ReferenceCheck) -> list[Finding]:
         for gain in odd_gains(check)
     ]
 
-
-_SAME_PLACE_DEG = 0.1
-_ENOUGH_ORDERS = 12  # between positions, the response follows from waves: more than a tyre has here
-_SMOOTHED = 5  # lines of the derivative by frequency
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]

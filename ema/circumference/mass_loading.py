@@ -35,6 +35,18 @@ _UNRESOLVED = 1e-3
 
 
 Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and residues of ss − cc
+# How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
+# stiffness varies by 1 % around it, benchmarks/laboratory.py.
+_TURNED = 0.05
+# Orientation and turn are found from FRFs with the sensors on, then from those without.
+_PASSES = 2
+# No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
+_FARTHEST = 2.0
+# Lines as clear as this share of the clearest one belong to the resonance.
+_RESONANT = 0.1
+_LINES_AT_ONCE = 200
+# Below this share of its middle the law of a drift is not continued.
+_LOWEST = 0.4
 
 
 def unloaded(
@@ -298,18 +310,6 @@ def _noise_of_lines(frf: FRF) -> Real:
 # cc, and not at all where the pair is driven so one-sidedly that its orientation does not show; to
 # the last one where several forces show both members.
 _KNOWN, _ONE_SIDED, _SEEN_WHOLE = 0.1, 0.02, 0.03
-# How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
-# stiffness varies by 1 % around it, benchmarks/laboratory.py.
-_TURNED = 0.05
-# Orientation and turn are found from FRFs with the sensors on, then from those without.
-_PASSES = 2
-# No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
-_FARTHEST = 2.0
-# Lines as clear as this share of the clearest one belong to the resonance.
-_RESONANT = 0.1
-_LINES_AT_ONCE = 200
-# Below this share of its middle the law of a drift is not continued.
-_LOWEST = 0.4
 
 
 def mass_push(

@@ -19,6 +19,12 @@ _CLEAR = 0.9
 _WIDEST_GAP_DEG = 120.0
 # The members of a pair lie within this share of their frequency.
 PAIR_REACH = 0.06
+# A shape with less of its power in one order is not one of the ring's.
+PURE = 0.5
+# The members of a pair are damped alike within this factor.
+_PAIR_DAMPING = 1.8
+# A neighbour on the curve that is damped this many times less (or more) is no tyre mode.
+_ODD_DAMPING = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,14 +180,6 @@ def order_basis(position_deg: NDArray[np.float64], order: int) -> NDArray[np.flo
     """Columns cos nθ and sin nθ; a constant for n = 0."""
     basis = circle_basis(position_deg, order)
     return basis[:, :1] if not order else basis[:, -2:]
-
-
-# A shape with less of its power in one order is not one of the ring's.
-PURE = 0.5
-# The members of a pair are damped alike within this factor.
-_PAIR_DAMPING = 1.8
-# A neighbour on the curve that is damped this many times less (or more) is no tyre mode.
-_ODD_DAMPING = 3.0
 
 
 def family(modes: Sequence[Mode]) -> dict[int, list[int]]:

@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike
 
 from ema.core.errors import visible
 
+_MOST_ACROSS = 8
+BACKEND = "pipelines.plots.figures"
+
 
 def picture(label: str, width: int, height: int, paths: Iterable[tuple[str, float]]) -> str:
     """A small drawing in the colour of the text; each path has a width of its line."""
@@ -47,7 +50,6 @@ def level_path(frequency_hz: Any, level: Any, width: int, height: int, decades: 
 
 
 _RADIUS_PX, _DEFLECTION = 22, 0.35  # of a shape; its largest deflection in radii
-_MOST_ACROSS = 8
 
 
 def shapes_picture(position_deg: ArrayLike, shapes: Sequence[Any]) -> str:
@@ -63,9 +65,6 @@ def shapes_picture(position_deg: ArrayLike, shapes: Sequence[Any]) -> str:
             paths.append((ring, line))
     label = "Shapes in the order of the table"
     return picture(label, cell * across, cell * -(-len(shapes) // across), paths)
-
-
-BACKEND = "pipelines.plots.figures"
 
 
 def plot(shown: Any, ax: Any, **options: Any) -> Any:

@@ -11,6 +11,7 @@ from ema.core.numerics import ReadonlyArrays
 
 # Runs that second differences need.
 _FEWEST_RUNS = 4
+_NOTHING = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,5 +114,4 @@ def of_runs(drift: Drift, run: tuple[str, ...]) -> Drift:
     )
 
 
-_NOTHING = np.zeros(0)
 NO_DRIFT = Drift((), _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, _NOTHING, applied=False)

@@ -8,6 +8,17 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
+# C0 and C1 controls, line and paragraph separators, lone surrogates (bytes of file names that are
+# no text), and marks that are not seen but turn the reading direction. Tabs and line ends stay.
+_HIDDEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]"
+)
+# What spreadsheets take for the start of a formula, behind quotes and blanks too.
+# https://owasp.org/www-community/attacks/CSV_Injection
+_FORMULA = re.compile(r"[\s\"']*[=+\-@\t＝＋－＠]")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_OF_DRIVES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG)
+
 
 class InputError(ValueError):
     """Input that cannot be used; its message says where, what, why and what to do.
@@ -82,17 +93,6 @@ class SupersededError(RuntimeError):
     """A fit was stopped, as nobody waits for it any more."""
 
 
-# C0 and C1 controls, line and paragraph separators, lone surrogates (bytes of file names that are
-# no text), and marks that are not seen but turn the reading direction. Tabs and line ends stay.
-_HIDDEN = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff]"
-)
-# What spreadsheets take for the start of a formula, behind quotes and blanks too.
-# https://owasp.org/www-community/attacks/CSV_Injection
-_FORMULA = re.compile(r"[\s\"']*[=+\-@\t＝＋－＠]")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-
-
 def visible(text: str) -> str:
     """A text in which characters that are not seen but act are named: ESC is ``[U+001B]``."""
     return _HIDDEN.sub(lambda found: f"[U+{ord(found[0]):04X}]", text)
@@ -164,6 +164,3 @@ def out_of_memory(error: MemoryError) -> str:
 def is_drive_trouble(error: OSError) -> bool:
     """Whether a file or its drive is at fault; what a library writes may not name the file."""
     return error.filename is not None or error.errno in _OF_DRIVES
-
-
-_OF_DRIVES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.EFBIG)

@@ -34,6 +34,11 @@ if TYPE_CHECKING:
 
 _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 _TYRE_HZ = (20.0, 300.0)  # where a tyre has the modes of its ring
+#: Arrays of an `FRF` with one row for each position.
+ROW_ARRAYS = (
+    *("values", "coherence", "std", "node", "position_deg", "axis"),
+    *("clipped", "force_clipped", "missing", "disagreement"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +48,6 @@ class ForceRecord:
     force: Channel
     plan: BlockPlan  # blocks of this run
     is_steady: bool  # whether it is steady noise, not a sweep, bursts or impacts
-
-
-#: Arrays of an `FRF` with one row for each position.
-ROW_ARRAYS = (
-    *("values", "coherence", "std", "node", "position_deg", "axis"),
-    *("clipped", "force_clipped", "missing", "disagreement"),
-)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,8 @@ from threadpoolctl import threadpool_limits
 from ema.core.errors import SupersededError
 
 _ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
+# A variable of the context: fits in other threads are not stopped.
+_STOP: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
 
 
 def readonly(values: ArrayLike, dtype: Any = float) -> NDArray[Any]:
@@ -192,10 +194,6 @@ def _take_control() -> None:
 
 
 _ONE_BLAS_THREAD = _SharedLimit()
-
-
-# A variable of the context: fits in other threads are not stopped.
-_STOP: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
 
 
 @contextmanager

@@ -12,14 +12,20 @@ from typing import Any, TypeVar
 
 from ema.core.errors import InputError
 
-
-def _setting(default: float, unit: str, effect: str, source: str) -> Any:
-    return field(default=default, metadata={"unit": unit, "effect": effect, "source": source})
-
-
 _LIKELIHOOD = "Wilks (1938): likelihood-ratio test; chosen with benchmarks/accuracy.py"
 _ACCURACY = "benchmarks/accuracy.py"
 _LABORATORY = "benchmarks/laboratory.py"
+
+# Types of a value by that of the default, and the rule in words.
+_KINDS: dict[type, tuple[Any, str]] = {
+    bool: (bool, "it must be true or false"),
+    int: (int, "it must be a whole number"),
+    float: ((int, float), "it must be a number"),
+}
+
+
+def _setting(default: float, unit: str, effect: str, source: str) -> Any:
+    return field(default=default, metadata={"unit": unit, "effect": effect, "source": source})
 
 
 @dataclass(frozen=True)
@@ -246,12 +252,6 @@ class CheckSettings:
 #: Defaults.
 IDENTIFICATION, CHECKS = IdentificationSettings(), CheckSettings()
 
-# Types of a value by that of the default, and the rule in words.
-_KINDS: dict[type, tuple[Any, str]] = {
-    bool: (bool, "it must be true or false"),
-    int: (int, "it must be a whole number"),
-    float: ((int, float), "it must be a number"),
-}
 
 Settings = TypeVar("Settings", IdentificationSettings, CheckSettings)
 

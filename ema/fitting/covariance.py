@@ -17,6 +17,8 @@ from ema.fitting.variable_projection import Projection, Real, slope_rows
 _RESONANCE = 2.0
 # … but never more than this part of all lines.
 _FEWEST_PIECES = 8
+# Share of the lines that is left out at one end.
+_TRIM = 0.06
 
 
 def line_correlation(plan: BlockPlan | None) -> float:
@@ -155,10 +157,6 @@ def inverse_of(normal: Real) -> Real:
     size[size == 0] = 1.0
     scaled = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)
     return np.asarray(scaled / np.outer(size, size))
-
-
-# Share of the lines that is left out at one end.
-_TRIM = 0.06
 
 
 def band_shift(

@@ -36,6 +36,15 @@ _IN_PHASE, _UNLIKELY = 0.5, 5.0
 
 # Measured: peaks of a wheel and a ruler have 3.7 or more, their humps up to 1.7.
 _STANDS_OUT = 2.0
+# Further rounds change nothing.
+_ROUNDS = 2
+# First order holds for changes up to this many half-widths, and this share of the frequency:
+# beyond it, a pole damped critically would change to the other half-plane.
+_FIRST_ORDER = 0.5
+# Scatter that noise explains once in twenty is no more than noise.
+_CHANCE = 0.05
+# How far the poles of single positions are apart, in half-widths (1 σ): wheel, ruler, half a tyre.
+_USUAL = 0.1
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -200,17 +209,6 @@ def share_resonance(poles: Complex, reach: float = 1.0) -> Matrix:
     """Which poles lie within `reach` half-widths of each other's resonance, (n_poles, n_poles)."""
     near = np.abs(poles[:, None] - poles) < reach * np.minimum.outer(-poles.real, -poles.real)
     return np.asarray(near & ~np.eye(poles.size, dtype=bool))
-
-
-# Further rounds change nothing.
-_ROUNDS = 2
-# First order holds for changes up to this many half-widths, and this share of the frequency:
-# beyond it, a pole damped critically would change to the other half-plane.
-_FIRST_ORDER = 0.5
-# Scatter that noise explains once in twenty is no more than noise.
-_CHANCE = 0.05
-# How far the poles of single positions are apart, in half-widths (1 σ): wheel, ruler, half a tyre.
-_USUAL = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,15 @@ from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit
 from ema.fitting.variable_projection import Complex
 
+# A force drives a mode if the residue at its place is this many standard deviations.
+_LEAST_DRIVE = 3.0
+# No residue is known better than this.
+_EXACT = 1e-6
+# A force contradicts the others beyond this many of its standard deviations.
+_CLEAR = 3.3
+# … where it has this share of the weight of the best one: else what it sees is other modes.
+_COUNTS = 0.1
+
 
 def with_own_factor(frf: FRF) -> FRF:
     """FRFs with the factor s² that inertances have, in the place of (s + 1/τ)²."""
@@ -305,16 +314,6 @@ def _notes(rows: Sequence[Row], choice: Choice) -> list[str]:
         for row in rest
         if row.doubt
     ]
-
-
-# A force drives a mode if the residue at its place is this many standard deviations.
-_LEAST_DRIVE = 3.0
-# No residue is known better than this.
-_EXACT = 1e-6
-# A force contradicts the others beyond this many of its standard deviations.
-_CLEAR = 3.3
-# … where it has this share of the weight of the best one: else what it sees is other modes.
-_COUNTS = 0.1
 
 
 def with_modal_masses(

@@ -26,6 +26,11 @@ N_DRIFT = 4
 _ALIKE = 0.1
 #: The last poles of a fit stand for modes above the lines.
 N_STAND_INS = 2
+_STAND_IN_DAMPING = 0.02
+# What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
+_END_WEIGHT = 0.05
+# Frequencies stay above this share of their start, however broad the pole: none becomes negative.
+_LEAST_FREQUENCY = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -364,11 +369,6 @@ def _interleaved(poles: Complex) -> Real:
 # reach less far up, and twelve sensors see order 11 like order 1, different from run to run like a
 # drift (benchmarks/laboratory.py). A third one costs more in noise than it gives.
 _STAND_INS, _STAND_IN_REACH = (1.04, 1.2), ((1.002, 1.1), (1.1, 1.6))
-_STAND_IN_DAMPING = 0.02
-# What lies beyond the lines disturbs those next to it: their weight falls to this at the ends.
-_END_WEIGHT = 0.05
-# Frequencies stay above this share of their start, however broad the pole: none becomes negative.
-_LEAST_FREQUENCY = 0.1
 
 
 def lines_to_fit(frf: FRF, band_hz: tuple[float, float]) -> Lines:

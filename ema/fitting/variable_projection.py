@@ -26,6 +26,8 @@ Complex = NDArray[np.complex128]
 # Columns with less than this share beside the others are orthogonalised themselves: their products
 # hold the square of it, to sixteen digits.
 _TOO_ALIKE = 1e-4
+_SMALLEST_STEP = 1e-9  # of the parameters' own size
+_NOT_SEEN = 1e-14  # curvature, of the largest, in a direction that nothing depends on
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +176,6 @@ def stacked(rows: Complex, weight: Real) -> Real:
     """Weighted rows as real columns, real parts above imaginary parts."""
     weighted = rows * weight
     return np.asarray(np.concatenate([weighted.real, weighted.imag], axis=1).T)
-
-
-_SMALLEST_STEP = 1e-9  # of the parameters' own size
-_NOT_SEEN = 1e-14  # curvature, of the largest, in a direction that nothing depends on
 
 
 class SumOfSquares(Protocol):

@@ -29,6 +29,7 @@ SUFFIXES = (".parquet", ".feather", ".arrow")
 _FEATHER_1 = b"FEA1"
 _ARROW_FILE = b"ARROW1"
 _BEFORE_STREAM = 8  # bytes of the padded magic; what follows in a file is a stream
+_NOT_COMPRESSED = -1
 
 
 def read(path: Path) -> FileContent:
@@ -113,7 +114,6 @@ def _column(field: pa.Field, values: pa.ChunkedArray) -> Column:
 # pyarrow unpacks a compressed batch in full before it can be asked how large it is. The sizes are
 # in front of the packed buffers, whose places are in a FlatBuffers table of the message.
 _HEADER_OF_MESSAGE, _BATCH_OF_DICTIONARY, _BUFFERS, _COMPRESSION = 2, 1, 2, 3  # numbers of fields
-_NOT_COMPRESSED = -1
 
 
 def _unpacked_bytes(message: pa.Message) -> int:

@@ -41,6 +41,8 @@ _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
 # Attributes of a dataset about its first sample: seconds, or a date and time in ISO 8601.
 _STARTS = ("t0", "x0", "starttime", "wfstarttime", "wfstartoffset", "timeoffset")
 _DEEPEST = 32  # groups in groups
+_HEAP = b"GCOL\x01\0\0\0"
+_HEADER_BYTES = 16  # of a heap and of each object in it
 
 
 def read(path: Path) -> FileContent:
@@ -307,10 +309,6 @@ def opened(path: Path, kind: str) -> Iterator[Hdf5File]:
         _check_heaps(path)
         with library.File(path, "r", locking="best-effort") as root:
             yield Hdf5File(path, library, root)
-
-
-_HEAP = b"GCOL\x01\0\0\0"
-_HEADER_BYTES = 16  # of a heap and of each object in it
 
 
 def _check_heaps(path: Path) -> None:

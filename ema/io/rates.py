@@ -34,6 +34,15 @@ _ROUNDING = 1e-12  # relative, of a step kept in double precision
 _NARROW = 1e-5  # relative half-width from which on a rate is said to be open
 _FINEST = 9  # decimals that stamps may be rounded to
 _FEWEST_DIGITS = 3  # significant ones
+# Counts of date and time, by the size of their first value: seconds of one.
+_COUNTS = {
+    "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
+    "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
+    "ms since 1970": (0.5e12, 5e12, 1e-3),
+    "us since 1970": (0.5e15, 5e15, 1e-6),
+    "ns since 1970": (0.5e18, 5e18, 1e-9),
+}
+_MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
 
 
 def _hardware_rates() -> NDArray[np.float64]:
@@ -290,17 +299,6 @@ def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
         return Rate(hz, hz - width, hz + width, source)
     found = likeliest(hz - width, hz + width, hz, source)
     return Rate(found.hz, hz - width, hz + width, source, found.is_sure)
-
-
-# Counts of date and time, by the size of their first value: seconds of one.
-_COUNTS = {
-    "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
-    "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
-    "ms since 1970": (0.5e12, 5e12, 1e-3),
-    "us since 1970": (0.5e15, 5e15, 1e-6),
-    "ns since 1970": (0.5e18, 5e18, 1e-9),
-}
-_MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
 
 
 def count_of_dates(stamps: NDArray[np.float64]) -> tuple[str, float]:

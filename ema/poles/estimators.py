@@ -25,6 +25,16 @@ _MARGIN = 0.25
 # … as long as they are not noisier than the noisiest part of the band by more than this factor.
 _MARGIN_NOISE = 2.0
 _FEWEST_LINES = 32
+# Share of the impulse responses' energy that may be cut off with their tail.
+_TAIL_ENERGY = 0.002
+# Part of a pole's decay that no other pole has.
+_TOO_CLOSE = 1e-10
+
+# A model order that shows every strong mode of a run and few others.
+_ORDER = 30
+_NEAR = 0.01
+# A shift is undone where it is this many times larger than its own scatter over the modes.
+_CLEAR = 3.0
 
 
 def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
@@ -52,12 +62,6 @@ def widened_band(frf: FRF, band_hz: tuple[float, float]) -> slice:
     barred = first + np.flatnonzero((noise > allowed) | (frequency_hz[first:last] <= 0))
     below, above = barred[barred < low], barred[barred >= high]
     return slice(int(below.max(initial=first - 1)) + 1, int(above.min(initial=last)))
-
-
-# Share of the impulse responses' energy that may be cut off with their tail.
-_TAIL_ENERGY = 0.002
-# Part of a pole's decay that no other pole has.
-_TOO_CLOSE = 1e-10
 
 
 def impulse_responses(
@@ -227,13 +231,6 @@ def _toeplitz(spectrum: NDArray[np.generic], order: int) -> NDArray[np.complex12
     lags = np.fft.ifft(spectrum)
     row = np.arange(order + 1)
     return np.asarray(lags[row[:, None] - row])
-
-
-# A model order that shows every strong mode of a run and few others.
-_ORDER = 30
-_NEAR = 0.01
-# A shift is undone where it is this many times larger than its own scatter over the modes.
-_CLEAR = 3.0
 
 
 def align_runs(frf: FRF, lines: slice) -> NDArray[np.complex128]:

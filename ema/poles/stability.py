@@ -47,6 +47,10 @@ from ema.core.modes import Mode
 #: Pole estimators.
 METHODS = ("lsce", "plscf")
 _MOST_ORDERS = 1000  # far above any use; time and memory grow with its square
+OTHER = {"lsce": "plscf", "plscf": "lsce"}
+
+# Model orders that show every mode of a tyre; a second look need not go further.
+_ENOUGH = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,12 +279,6 @@ def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:
     if not band_hz[0] <= cluster.frequency_hz <= band_hz[1]:
         return "beyond the band"
     return "yes" if cluster.kept else "no"
-
-
-OTHER = {"lsce": "plscf", "plscf": "lsce"}
-
-# Model orders that show every mode of a tyre; a second look need not go further.
-_ENOUGH = 40
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,19 @@ _SHORTEST_TOP = 3
 _ROUNDED_STEPS = 5.0
 # With fewer levels than these every top is flat: a quiet signal in coarse steps, a trigger.
 _FEWEST_LEVELS = 64
+_MAINS_HZ = (50.0, 60.0)
+_HARMONICS = 10
+_LOW_HARMONICS = 3  # 300 Hz alone says nothing: it belongs to both
+_MAINS_TOLERANCE = 0.002  # grids keep their frequency within 0.1 Hz
+_STANDS_OUT = 10.0  # in power, above the median of its neighbours: 10 dB
+_NEIGHBOURS_HZ = 4.0
+# The power of a tone varies little from segment to segment; that of noise, and so of a lightly
+# damped mode, by as much as its mean.
+_STEADY_VARIATION = 0.5
+_AUDIBLE = 1e-3  # of the rms; anything less is of no concern
+_SEGMENTS = 8  # how much a power varies cannot be told from fewer
+_ENOUGH_RATE_HZ = 4096.0
+_RATES_HZ = (250.0, 1e9)  # of recordings that can be judged
 
 
 @dataclass
@@ -102,20 +115,7 @@ class Plateaus:
         self._low.add(-float(np.fmin.reduce(values)), -flat_values, flat_lengths)
 
 
-_MAINS_HZ = (50.0, 60.0)
-_HARMONICS = 10
-_LOW_HARMONICS = 3  # 300 Hz alone says nothing: it belongs to both
-_MAINS_TOLERANCE = 0.002  # grids keep their frequency within 0.1 Hz
-_STANDS_OUT = 10.0  # in power, above the median of its neighbours: 10 dB
-_NEIGHBOURS_HZ = 4.0
-# The power of a tone varies little from segment to segment; that of noise, and so of a lightly
-# damped mode, by as much as its mean.
-_STEADY_VARIATION = 0.5
-_AUDIBLE = 1e-3  # of the rms; anything less is of no concern
 _LONGEST_SEGMENT_S, _SHORTEST_SEGMENT_S = 4.0, 1.0  # a line must be told from a mode
-_SEGMENTS = 8  # how much a power varies cannot be told from fewer
-_ENOUGH_RATE_HZ = 4096.0
-_RATES_HZ = (250.0, 1e9)  # of recordings that can be judged
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,13 @@ _SHOWN = 5  # of one kind in one channel
 # with less than this share of the usual gain, and of the power, is lost. Fewer have no usual gain.
 _EXPLAINED, _LOST, _FEWEST_BLOCKS = 0.9, 0.5, 4
 _EXCITED = 1e-3  # of the strongest block's power: others have no gain
+# A ramp of whole numbers so long at the start is a counter …
+_FIRST = 64
+# … if it keeps its steps nearly everywhere.
+_USUAL = 0.99
+# Registers that counters live in, and begin anew where these are full.
+_REGISTER_BITS = (8, 12, 16, 24, 32)
+_PIECE = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,15 +277,6 @@ def _where(stretches: Sequence[Stretch], rate_hz: float) -> str:
         f"from {stretch.start / rate_hz:.4g} s for {len(stretch) / rate_hz:.3g} s"
         for stretch in stretches
     )
-
-
-# A ramp of whole numbers so long at the start is a counter …
-_FIRST = 64
-# … if it keeps its steps nearly everywhere.
-_USUAL = 0.99
-# Registers that counters live in, and begin anew where these are full.
-_REGISTER_BITS = (8, 12, 16, 24, 32)
-_PIECE = 1 << 18
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,13 @@ _PARTS = np.linspace(-0.5, 0.5, 11)
 # What the search for a period looks at; memory and time stay small.
 _SEARCHED_SAMPLES = 1 << 18
 _FEW_MISSING = 1e-3  # share of samples without which a force repeats as clearly as with them
+DEFAULT_WINDOW = "hann"
+# Tyre modes have decayed after 0.3 s: longer blocks only cost averages.
+LONGEST_DEFAULT_BLOCK_S = 4.0
+# A short recording is still cut into this many lengths, so that coherence means something.
+FEWEST_DEFAULT_LENGTHS = 4
+# What repeats sooner is a tone or its harmonics: between its lines, 4 Hz apart, nothing is excited.
+SHORTEST_PERIOD_S = 0.25
 
 
 def is_steady(force: Channel) -> bool:
@@ -109,15 +116,6 @@ def _band_power(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     spectrum = np.abs(np.fft.rfft((samples - samples.mean()) * np.hanning(samples.size))[1:]) ** 2
     edges = np.unique(np.geomspace(1, spectrum.size, _BANDS + 1).astype(int)) - 1
     return np.add.reduceat(spectrum, edges[:-1])
-
-
-DEFAULT_WINDOW = "hann"
-# Tyre modes have decayed after 0.3 s: longer blocks only cost averages.
-LONGEST_DEFAULT_BLOCK_S = 4.0
-# A short recording is still cut into this many lengths, so that coherence means something.
-FEWEST_DEFAULT_LENGTHS = 4
-# What repeats sooner is a tone or its harmonics: between its lines, 4 Hz apart, nothing is excited.
-SHORTEST_PERIOD_S = 0.25
 
 
 def plan_blocks(

@@ -20,6 +20,9 @@ from ema.core.settings import CheckSettings
 from ema.signals.leakage import incoherent_power
 from ema.signals.spectra import Spectra, blocks_of, disagreement, pooled, ratio
 
+_EXCITED = 1e-4  # of a force's largest power: on other lines it has none
+_SINGULAR = 1e-10  # an eigenvalue of the scaled matrix below this is rounding
+
 
 def at_force(frf: FRF, force: Response) -> FRF:
     """FRFs with the place of their force."""
@@ -186,9 +189,6 @@ def with_given_averages(frf: FRF, averages: int | None) -> FRF:
     finding = Finding("", "", None, Check.COHERENCE, Verdict.OK, said)
     return replace(frf, findings=(*frf.findings, finding))
 
-
-_EXCITED = 1e-4  # of a force's largest power: on other lines it has none
-_SINGULAR = 1e-10  # an eigenvalue of the scaled matrix below this is rounding
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]

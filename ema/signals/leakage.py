@@ -23,6 +23,11 @@ _LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
 _VALUES = 20
 # Rows that agree within this are multiples of each other.
 _SAME_ROW = 1e-9
+# Samples × poles × runs up to which the force as recorded is used for steady noise; beyond that,
+# many averages leave little more than the mean that the window's autocorrelation gives.
+_MOST_WORK = 4_000_000
+# Rate that the force is reduced to, over the highest line: room for the window's side lobes.
+_ROOM = 1.2
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -124,13 +129,6 @@ def _force_power(record: ForceRecord) -> NDArray[np.float64]:
         spectrum = np.fft.rfft((block - block.mean()) * plan.taper)
         total += np.abs(spectrum[1 : total.size + 1]) ** 2
     return total
-
-
-# Samples × poles × runs up to which the force as recorded is used for steady noise; beyond that,
-# many averages leave little more than the mean that the window's autocorrelation gives.
-_MOST_WORK = 4_000_000
-# Rate that the force is reduced to, over the highest line: room for the window's side lobes.
-_ROOM = 1.2
 
 
 def has_leakage(frf: FRF) -> bool:

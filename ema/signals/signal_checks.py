@@ -21,6 +21,9 @@ _LIMIT_RMS = 1.0
 _DROPOUT_SHARE, _DROPOUT_SAMPLES = 0.01, 100
 STEADY_CREST = 8.0
 _LOUD_HUM = 0.01  # of the rms
+# A weak impact, or a short one in a long recording, has little rms but a peak well above it.
+_PEAK_PER_RMS = 5.0
+_RARE = np.log(30.0)  # a rare unit has to bring the level this much nearer to the usual one
 
 
 @dataclass(frozen=True)
@@ -236,8 +239,6 @@ def _level(value: float, channel: Channel) -> str:
 
 
 _PIECES, _CHECK_PIECE = 4, 4096
-# A weak impact, or a short one in a long recording, has little rms but a peak well above it.
-_PEAK_PER_RMS = 5.0
 
 
 @dataclass(frozen=True)
@@ -267,7 +268,6 @@ _PLAUSIBLE = {
     DISPLACEMENT: _Plausible(2.5e-8, 8e-5, 2.5e-3, ("m", "mm", "um", "in"), ("in",)),
     FORCE: _Plausible(0.05, 20.0, 2000.0, ("N", "kN", "lbf", "mN"), ("kN", "lbf", "mN")),
 }
-_RARE = np.log(30.0)  # a rare unit has to bring the level this much nearer to the usual one
 
 
 def level_findings(

@@ -27,6 +27,20 @@ _BEYOND_STEADY = 30.0
 _BEYOND_ANY = 1e6
 _FEW = 8  # more of them in a steady channel are a pattern, not damage
 _JUDGED = (*DERIVATIVES, FORCE, UNKNOWN)  # a voltage may be a trigger: one sample, and nothing else
+# … which stand out of their median by this factor. Random vibration stays below 4, a single lost
+# sample makes 15 to 2000.
+_PEAK = 6.0
+_MOST_PLACES = 5
+# Fewer pieces have no median to speak of.
+_FEWEST_PIECES = 40
+# Samples lost, or written twice, that are tried; what repeats for longer is found by itself.
+_MOST_LOST = 8
+# Putting the samples between has to take this factor off the error, in most sensors. Knocks on the
+# structure stay below 1.2, lost samples make 4 to 50.
+_EXPLAINED = 2.0
+# Responses longer than this, at very high rates, are not convolved.
+_LONGEST_RESPONSE = 1 << 15
+_LONG_CHUNK = 1 << 15  # transformed at once: it stays near the processor
 
 
 def with_limits(recording: Recording) -> Recording:
@@ -133,20 +147,6 @@ def _is_steady(channels: Sequence[Channel], lonely: Sequence[_Lonely]) -> bool:
 _RINGING_S, _EARLY = 0.5, 64
 # The prediction error is looked at in pieces of this length …
 _PIECE_S, _LONGEST_PIECE = 0.05, 256
-# … which stand out of their median by this factor. Random vibration stays below 4, a single lost
-# sample makes 15 to 2000.
-_PEAK = 6.0
-_MOST_PLACES = 5
-# Fewer pieces have no median to speak of.
-_FEWEST_PIECES = 40
-# Samples lost, or written twice, that are tried; what repeats for longer is found by itself.
-_MOST_LOST = 8
-# Putting the samples between has to take this factor off the error, in most sensors. Knocks on the
-# structure stay below 1.2, lost samples make 4 to 50.
-_EXPLAINED = 2.0
-# Responses longer than this, at very high rates, are not convolved.
-_LONGEST_RESPONSE = 1 << 15
-_LONG_CHUNK = 1 << 15  # transformed at once: it stays near the processor
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,22 @@ _GO_ON = 0.5
 # Rest is where a signal lies without motion: its median, within these shares of its rms.
 _FORCE_AT_REST, _SENSOR_AT_REST = 0.1, 0.5
 _PIECE = 1 << 16
+# Samples that make a word, and the share of words that is kept: of a stretch of 64 samples, eight.
+_WORD = 4
+_KEPT_BITS = 3
+# Beyond these, only half as many words are kept each time: memory does not grow with length.
+_MOST_WORDS = 1 << 17
+_MOST_LAGS = 8
+# Words this many usual distances apart belong to different stretches.
+_APART = 16
+# Samples that agree elsewhere at the same lag. Noise in steps of an eighth of its rms agrees in
+# 3.5 %; a signal that repeats by nature, or rests, in most.
+_ELSEWHERE = 0.1
+# Share of the samples in a stretch that have to differ from the one before: silence repeats too.
+_LIVELY = 0.5
+_MIX = np.array(
+    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64
+)
 
 
 @dataclass(frozen=True)
@@ -183,24 +199,8 @@ def _holds(
     return tuple(found)
 
 
-# Samples that make a word, and the share of words that is kept: of a stretch of 64 samples, eight.
-_WORD = 4
-_KEPT_BITS = 3
-# Beyond these, only half as many words are kept each time: memory does not grow with length.
-_MOST_WORDS = 1 << 17
 # So many equal words in a row, and so many equal samples of all channels, are no chance.
 _FEWEST_WORDS, _SHORTEST = 4, 64
-_MOST_LAGS = 8
-# Words this many usual distances apart belong to different stretches.
-_APART = 16
-# Samples that agree elsewhere at the same lag. Noise in steps of an eighth of its rms agrees in
-# 3.5 %; a signal that repeats by nature, or rests, in most.
-_ELSEWHERE = 0.1
-# Share of the samples in a stretch that have to differ from the one before: silence repeats too.
-_LIVELY = 0.5
-_MIX = np.array(
-    [0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64
-)
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ _CAMPAIGNS = {
     **{"status": "string", "message": "string", "seconds": "Float64"},
     **{"n_modes": "Int32", "n_warnings": "Int32", "fingerprint": "string", "traceback": "string"},
 }
+_ROOM = 0.6  # share of the distance between two orders that the points of all tyres take
 
 
 def write_modes_and_parameters(records: Sequence[Record], folder: BatchFolder) -> None:
@@ -191,9 +192,6 @@ def _linked(record: Record, campaign: CampaignFolder, folder: BatchFolder) -> Li
     report = result / "report.html"
     target = report if report.is_file() else result
     return Link(record.campaign, quote(target.relative_to(folder.path).as_posix()))
-
-
-_ROOM = 0.6  # share of the distance between two orders that the points of all tyres take
 
 
 def _points(records: Sequence[Record]) -> pd.DataFrame:

@@ -26,6 +26,7 @@ FAILED = "failed"
 SCHEMA = 1
 
 Row = tuple[Any, ...]
+CAMPAIGNS = "campaigns.parquet"
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,6 @@ def read_record(path: Path) -> Record | None:
         return None
 
 
-CAMPAIGNS = "campaigns.parquet"
 _RECORDS, _RESULTS, _RECORD = "records", "results", "record.json"
 
 

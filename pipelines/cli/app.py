@@ -23,6 +23,33 @@ SETTINGS = {"max_content_width": 100, "help_option_names": ["--help", "-h"]}
 _KEEP_LINES = "\b\n"  # click leaves the lines of such a paragraph as they are
 _NAME_WIDTH = 26  # columns
 _LAST = ("Screen", "General")
+# Module in pipelines.cli, command, summary. Loading all of them costs a second.
+_COMMANDS = {
+    "First steps": (
+        ("start", "demo", "Process the sample campaign and write its report."),
+        ("doctor", "doctor", "Check the installation: libraries, machine, and a small campaign."),
+        ("start", "inspect", "Show channels, units, rates and levels, and what looks wrong."),
+        ("start", "init", "Write a campaign.toml template from the recordings in a folder."),
+    ),
+    "From recordings to a result": (
+        ("result", "process", "Recordings → FRFs → poles → modes → ring parameters → report."),
+        ("refit", "refit", "Identify the modes of a result again, with decisions of yours."),
+        ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
+        ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
+        ("refit", "review", "Review a result in the browser: see, decide, sign off."),
+        ("compare", "compare", "Compare results, with the significance of each difference."),
+        ("result", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
+        ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
+    ),
+    "Many campaigns": (
+        ("compare", "batch", "Process every campaign under a folder and collect the results."),
+    ),
+    "Ring model": (
+        ("simulate", "simulate", "Ring model: frequencies, responses, virtual measurements."),
+        ("simulate", "paper", "Compute the tables and figures of the paper on the ring model."),
+    ),
+    "Parameter sets": (("tyre", "tyre", "Parameter sets of tyres: versions, comparison, export."),),
+}
 
 
 class _Grouped:
@@ -136,35 +163,6 @@ def _loaded(module: str, name: str) -> Any:
 
 def _is_argument(param: Any) -> bool:
     return bool(param.param_type_name == "argument")
-
-
-# Module in pipelines.cli, command, summary. Loading all of them costs a second.
-_COMMANDS = {
-    "First steps": (
-        ("start", "demo", "Process the sample campaign and write its report."),
-        ("doctor", "doctor", "Check the installation: libraries, machine, and a small campaign."),
-        ("start", "inspect", "Show channels, units, rates and levels, and what looks wrong."),
-        ("start", "init", "Write a campaign.toml template from the recordings in a folder."),
-    ),
-    "From recordings to a result": (
-        ("result", "process", "Recordings → FRFs → poles → modes → ring parameters → report."),
-        ("refit", "refit", "Identify the modes of a result again, with decisions of yours."),
-        ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
-        ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
-        ("refit", "review", "Review a result in the browser: see, decide, sign off."),
-        ("compare", "compare", "Compare results, with the significance of each difference."),
-        ("result", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
-        ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
-    ),
-    "Many campaigns": (
-        ("compare", "batch", "Process every campaign under a folder and collect the results."),
-    ),
-    "Ring model": (
-        ("simulate", "simulate", "Ring model: frequencies, responses, virtual measurements."),
-        ("simulate", "paper", "Compute the tables and figures of the paper on the ring model."),
-    ),
-    "Parameter sets": (("tyre", "tyre", "Parameter sets of tyres: versions, comparison, export."),),
-}
 
 
 class Program(LazyGroup):

@@ -24,6 +24,7 @@ from pipelines.storage.atomic import file_written_whole, require_free_file
 
 WAYS, DIRECTIONS = ("angle", "node"), ("radial", "x", "y", "z")
 PLACES = "Positions and directions"
+MACHINES = "Machines"
 
 
 def compare(
@@ -136,9 +137,6 @@ def compare_shapes(
         echo(f"Note: {note}.")
     if out is not None:
         echo(f"Written: {out}")
-
-
-MACHINES = "Machines"
 
 
 @opt.with_processing_options

@@ -33,6 +33,7 @@ from pipelines.storage.atomic import MARKER, require_free
 
 DECISIONS = "Decisions"
 _EDITED = r"-edited(-\d+)?$"
+_NEEDED = "starlette", "uvicorn", "filelock"
 
 
 def _at(text: str) -> Any:
@@ -180,9 +181,6 @@ def _show_cost(tried: EditCost, *, as_json: bool) -> None:
     before, after = number(tried.misfit_before, 4), number(tried.misfit_after, 4)
     echo(f"χ²: {signed(tried.change, 0)}; over its degrees of freedom {before} → {after}")
     echo("Nothing was written.")
-
-
-_NEEDED = "starlette", "uvicorn", "filelock"
 
 
 def review(

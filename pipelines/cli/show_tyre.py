@@ -41,6 +41,7 @@ _WORDS = {
     "wheel_mass_kg": ("mass of the wheel", "m", "kg"),
     "wheel_inertia_kg_m2": ("inertia of the wheel", "I", "kg m²"),
 }
+FEW_LINES = 20  # printed; of more only the peaks
 
 
 def show_version(version: Version, standing: str, *, as_json: bool) -> None:
@@ -259,7 +260,6 @@ def _trend(trend: Any) -> dict[str, Any]:
     return about | {"line": {**fitted, **slope, "scatter": line.scatter}}
 
 
-FEW_LINES = 20  # printed; of more only the peaks
 Columns = Mapping[str, NDArray[Any]]
 
 

@@ -32,6 +32,11 @@ from pipelines.report.write import run_demo
 from pipelines.storage.atomic import named
 
 PLACES = "Sensor positions"
+_SHOWN_NAMES = 6  # channels that one message lists
+_MOST_DETAILS = 2  # of one kind of finding that are told one by one
+
+# On a narrow screen; the unit tells the quantity.
+_FIRST_TO_GO = ("quantity", "crest", "peak\n(SI)", "DC\n(SI)", "clipped", "angle", "hum")
 
 
 def demo(
@@ -119,8 +124,6 @@ def init(
     echo(f"Next: check {path}, then ringmodal process {folder} --out result")
 
 
-_SHOWN_NAMES = 6  # channels that one message lists
-_MOST_DETAILS = 2  # of one kind of finding that are told one by one
 _MOST_FRFS, _FIRST_FRFS = 20, 6  # FRFs that are listed, and how many of them where there are more
 
 
@@ -205,8 +208,6 @@ _LEVELS: dict[str, Callable[[SignalSummary], str]] = {
     "hum": _hum,
     "missing": lambda signal: str(signal.n_missing or ""),
 }
-# On a narrow screen; the unit tells the quantity.
-_FIRST_TO_GO = ("quantity", "crest", "peak\n(SI)", "DC\n(SI)", "clipped", "angle", "hum")
 
 
 def _print_channels(rows: Sequence[ChannelReport]) -> None:

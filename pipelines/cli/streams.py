@@ -19,6 +19,13 @@ from typing import Any
 _STANDARD = ("stdout", "stderr")
 # The reader of a pipe has ended, which is not an error; Windows reports EINVAL.
 _READER_ENDED = (errno.EPIPE, errno.EINVAL) if os.name == "nt" else (errno.EPIPE,)
+_HANDLER = "ringmodal"
+_SUPERSCRIPTS = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
+_AS_DIGITS = str.maketrans(_SUPERSCRIPTS, "-0123456789")
+_SIGNS = ("−-", "±+/-", "×x", "→->", "…...", "–-", "≥>=", "≤<=", "° deg", "²^2", "³^3", "─-")
+_OTHERWISE = {each[0]: each[1:] for each in _SIGNS}
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # where the system has them
+_REPEAT_S = 1.0  # a shell and a launcher may both pass on one Ctrl-C
 
 
 class _Tolerant(io.RawIOBase):
@@ -105,13 +112,6 @@ def _wrapped(stream: io.TextIOWrapper, number: int) -> io.TextIOWrapper:
     )
 
 
-_HANDLER = "ringmodal"
-_SUPERSCRIPTS = "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"
-_AS_DIGITS = str.maketrans(_SUPERSCRIPTS, "-0123456789")
-_SIGNS = ("−-", "±+/-", "×x", "→->", "…...", "–-", "≥>=", "≤<=", "° deg", "²^2", "³^3", "─-")
-_OTHERWISE = {each[0]: each[1:] for each in _SIGNS}
-
-
 def tolerant_output() -> None:
     """Replace characters that the encoding of standard output or error lacks."""
     codecs.register_error(_HANDLER, _replaced)
@@ -139,10 +139,6 @@ def _replaced(error: UnicodeError) -> tuple[str, int]:
             text += _OTHERWISE.get(sign, "?")
         before = sign
     return text, error.end
-
-
-_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # where the system has them
-_REPEAT_S = 1.0  # a shell and a launcher may both pass on one Ctrl-C
 
 
 class Interrupted(BaseException):

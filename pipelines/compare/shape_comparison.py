@@ -37,6 +37,11 @@ PAIR_PERCENT = 1.0
 
 _FEWEST_PLACES = 3
 _RANK = 1e-9  # of the largest singular value: linearly dependent shapes are below
+MATCH_HEAD = (
+    *("mode", "frequency / Hz", "other mode", "other / Hz", "difference / Hz", "difference / %"),
+    *("MAC", "MAC with pair", "verdict"),
+)
+TEXTS = ("mode", "verdict")
 
 
 class Likeness(StrEnum):
@@ -173,13 +178,6 @@ def _check(chosen: Alignment) -> None:
     if not isfinite(chosen.rotate_deg):
         found = f"{chosen.rotate_deg:g} degrees"
         raise InputError("--rotate-deg", found, "it must be a finite angle", "Write e.g. 90")
-
-
-MATCH_HEAD = (
-    *("mode", "frequency / Hz", "other mode", "other / Hz", "difference / Hz", "difference / %"),
-    *("MAC", "MAC with pair", "verdict"),
-)
-TEXTS = ("mode", "verdict")
 
 
 def match_rows(found: ShapeComparison) -> list[tuple[str, ...]]:

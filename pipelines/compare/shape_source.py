@@ -25,6 +25,8 @@ WAYS = (ANGLE, NODE)
 
 _MOST_NAMED = 6  # places named in a note
 _OFF_CIRCLE_M = 1e-6  # distance from the measured circle that is worth a note
+_REMEDY = "Write the columns mode, position_deg or node, real and imag"
+_DEFAULTS = {"node": 0.0, "position_deg": np.nan, "imag": 0.0, "frequency_hz": np.nan}
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,10 +108,6 @@ def read_source(
         frequency_std_hz=np.full(n_modes, np.nan),
         **{**vars(found), "notes": notes},
     )
-
-
-_REMEDY = "Write the columns mode, position_deg or node, real and imag"
-_DEFAULTS = {"node": 0.0, "position_deg": np.nan, "imag": 0.0, "frequency_hz": np.nan}
 
 
 def _of_table(path: Path) -> ShapeSource:

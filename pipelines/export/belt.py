@@ -25,6 +25,17 @@ WIDEST_M = 2.0  # tyres of the largest dump trucks are 1.5 m wide
 _STEP = 1e-4  # relative change of a parameter for numerical derivatives
 _MATTERS = 0.1  # sensitivity, % of a value per % of a parameter, from which a parameter is named
 _ALONE = 0.05  # largest contribution of all other parameters, as share of the largest one
+_NEEDS_WIDTH = ("BELT_MASS", "BELT_IYY")
+_NEEDS_DAMPING = ("DAMP_LONG", "DAMP_WINDUP")
+_ABOUT = """\
+# Modal targets for an FTire-style parameter fit
+# Free tyre on a fixed rim: no load, not rolling. Frequencies are undamped, damping ratios are of
+# critical. frequency_hz and damping_ratio are measured where measured_hz is given, with their
+# standard deviations; all others are those of a flexible ring with the parameters of this tyre.
+# in_plane_rotation: the belt rotates against the rim; radial sensors do not detect it, so there is
+#   no measured value.
+# in_plane_translation: order 1; first_bending: order 2; second_bending: order 3.
+"""
 
 
 @dataclass(frozen=True)
@@ -116,8 +127,6 @@ VALUES: dict[str, tuple[Callable[[Belt], float], str]] = {
     "DAMP_LONG": (translation_damping_ratio, "order 1: c_r, c_θ, η"),
     "DAMP_WINDUP": (rotation_damping_ratio, "torsion: c_θ"),
 }
-_NEEDS_WIDTH = ("BELT_MASS", "BELT_IYY")
-_NEEDS_DAMPING = ("DAMP_LONG", "DAMP_WINDUP")
 
 
 def belt_values(
@@ -235,17 +244,6 @@ def _std(value: float, slopes: dict[str, float], known: Mapping[str, Parameter])
     if sum(shares[name] for name in others) > _ALONE * shares[largest]:
         return None
     return abs(value) * math.hypot(*shares.values())
-
-
-_ABOUT = """\
-# Modal targets for an FTire-style parameter fit
-# Free tyre on a fixed rim: no load, not rolling. Frequencies are undamped, damping ratios are of
-# critical. frequency_hz and damping_ratio are measured where measured_hz is given, with their
-# standard deviations; all others are those of a flexible ring with the parameters of this tyre.
-# in_plane_rotation: the belt rotates against the rim; radial sensors do not detect it, so there is
-#   no measured value.
-# in_plane_translation: order 1; first_bending: order 2; second_bending: order 3.
-"""
 
 
 @dataclass(frozen=True)

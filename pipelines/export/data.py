@@ -32,6 +32,17 @@ X, Y, Z = 1, 2, 3  # direction codes of universal files
 _SAME_PLACE_DEG = 0.01  # the force is at a sensor within this angle
 _UNIT_RADIUS_M = 1.0  # where the radius is unknown
 _STEP_M = 0.1  # between nodes on a line
+# Number formats of Excel by the ending of a column's name, the longest first; ratios are shown in
+# percent and stay ratios.
+_FORMATS = {
+    **{"damping_ratio_std": "0.0000%", "damping_ratio": "0.000%", "_damping": "0.000%"},
+    **{"damping_ratio_band_shift": "0.0000%", "_std_hz": "0.0000", "_shift_hz": "0.0000"},
+    **{"_hz": "0.000", "_deg": "0.0##", "_percent": "0.00", "order_purity": "0.0000"},
+    **{"mpc": "0.0000", "mac": "0.0000", "chance": "0.0E+00"},
+}
+_UNITS = {"_hz": "Hz", "_deg": "°", "_percent": "%", "_kg": "kg"}
+_LETTERS = ("mpc", "mac")  # words that are written in capitals
+_PARAMETER = "0.0000E+00"
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,19 +176,8 @@ class ModalExport(ReadonlyArrays):
         return np.asarray((self.modal_a / (2j * damped)).real)
 
 
-# Number formats of Excel by the ending of a column's name, the longest first; ratios are shown in
-# percent and stay ratios.
-_FORMATS = {
-    **{"damping_ratio_std": "0.0000%", "damping_ratio": "0.000%", "_damping": "0.000%"},
-    **{"damping_ratio_band_shift": "0.0000%", "_std_hz": "0.0000", "_shift_hz": "0.0000"},
-    **{"_hz": "0.000", "_deg": "0.0##", "_percent": "0.00", "order_purity": "0.0000"},
-    **{"mpc": "0.0000", "mac": "0.0000", "chance": "0.0E+00"},
-}
-_UNITS = {"_hz": "Hz", "_deg": "°", "_percent": "%", "_kg": "kg"}
-_LETTERS = ("mpc", "mac")  # words that are written in capitals
 _WIDEST, _NARROWEST = 70, 9  # of a column, in characters
 _SUMMARY, _FINDINGS = "Summary", "Findings"
-_PARAMETER = "0.0000E+00"
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ UNITS = {
     **{"upper_residual": "m/N", "frf": "(m/s^2)/N", "coherence": "1"},
 }
 _LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
+FOLDERS = ("csv",)  # formats that write a folder
 
 
 @dataclass(frozen=True)
@@ -411,4 +412,3 @@ FORMATS: dict[str, Callable[[ModalExport, Path], None]] = {
     "json": write_json,
     "mat": write_mat,
 }
-FOLDERS = ("csv",)  # formats that write a folder

@@ -27,6 +27,10 @@ _ENTRY = re.compile(
 )
 UNITS = "UNITS"
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+_INERTIA = {"MASS": 1, "LENGTH": 2}
+_PRESSURE = {"FORCE": 1, "LENGTH": -2}
+_STIFFNESS = {"FORCE": 1, "LENGTH": -1}
+_NONE: dict[str, int] = {}
 
 
 @dataclass(frozen=True)
@@ -264,10 +268,6 @@ _SIZES: dict[str, dict[tuple[str, ...], float]] = {
 # Limits of values in SI, far beyond those of a tyre: products of several do not overflow.
 _LARGEST_SI, _SMALLEST_SI = 1e15, 1e-12
 _LENGTH, _MASS = {"LENGTH": 1}, {"MASS": 1}
-_INERTIA = {"MASS": 1, "LENGTH": 2}
-_PRESSURE = {"FORCE": 1, "LENGTH": -2}
-_STIFFNESS = {"FORCE": 1, "LENGTH": -1}
-_NONE: dict[str, int] = {}
 
 #: Dimension of each key as powers of the file's units. Natural frequencies are in Hz in any file.
 QUANTITIES: dict[str, Mapping[str, int]] = {

@@ -30,6 +30,19 @@ from pipelines.storage.atomic import file_written_whole, require_free_file
 from pipelines.storage.checksums import DamagedFile
 
 COLUMNS = ["section", "name", "value", "std", "how"]
+_TEXTS = ("tyre", "designation", "tyre_id", "created", "author", "note", "campaign", "software")
+CONDITIONS = ("inflation_pressure_pa", *CONDITION_NAMES)
+OF_VERSION = (
+    *("tyre", "designation", "tyre_id", "version", "approved", "created", "author", "note"),
+    *("campaign", "software", *CONDITIONS),
+)
+LONG = (*OF_VERSION, "parameter", "value", "std", "how", "verdict")
+_PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
+WIDE = (
+    *OF_VERSION,
+    *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")),
+    "verdict",
+)
 
 
 def write_json(parameters: ParameterSet, path: Path) -> None:
@@ -78,20 +91,6 @@ def export(parameters: ParameterSet, path: Path, file_format: str = "") -> str:
 
 
 Row = dict[str, Any]
-
-_TEXTS = ("tyre", "designation", "tyre_id", "created", "author", "note", "campaign", "software")
-CONDITIONS = ("inflation_pressure_pa", *CONDITION_NAMES)
-OF_VERSION = (
-    *("tyre", "designation", "tyre_id", "version", "approved", "created", "author", "note"),
-    *("campaign", "software", *CONDITIONS),
-)
-LONG = (*OF_VERSION, "parameter", "value", "std", "how", "verdict")
-_PARAMETERS = (*RING_NAMES, *DAMPING_NAMES, *(f"wheel_{name}" for name in WHEEL_NAMES))
-WIDE = (
-    *OF_VERSION,
-    *(name + end for name in _PARAMETERS for end in ("", "_std", "_how")),
-    "verdict",
-)
 
 
 def version_rows(

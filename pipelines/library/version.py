@@ -27,6 +27,10 @@ from pipelines.storage.checksums import KEY, DamagedFile, damaged, sealed, texts
 SECTION = "version"
 _REQUIRED = ("author", "created", "software")
 _OPTIONAL = ("note", "tyre_id", "source", "source_sha256", "id")
+SCHEMA = 1
+FOLDER = "approvals"
+_TEXTS = ("version_sha256", "author", "created")
+_MORE_TEXTS = ("note", "accepted")
 
 
 @dataclass(frozen=True)
@@ -124,12 +128,6 @@ def read_version(path: Path, tyre: str, number: int) -> Version:
     if KEY not in section:
         raise damaged(path, f"the checksum outside the table [{SECTION}]")
     return Version(tyre, number, parameters, entry, section[KEY])
-
-
-SCHEMA = 1
-FOLDER = "approvals"
-_TEXTS = ("version_sha256", "author", "created")
-_MORE_TEXTS = ("note", "accepted")
 
 
 class Event(StrEnum):

@@ -21,6 +21,23 @@ from pipelines.results.result import Result
 
 AGREES, DIFFERS, OWN_DATA = "agrees", "differs", "agrees on simulated data"
 Values = Sequence[Any] | NDArray[Any]
+KIND = "The paper's tables and figures, computed"
+SUBJECT = f"A theoretical model for a rolling tyre, {DESIGNATION}"
+INTRODUCTION = (
+    "“A theoretical model for investigating the structural dynamics of a rolling tyre”: every "
+    "table and figure with results, computed with the equations as corrected in the documentation "
+    "of the model and set beside what is printed. The paper's figures are not reproduced here; "
+    "what its text says about them is tested."
+)
+
+#: Order whose waves Figs. 5, 7, 8 and 10 show.
+WAVE_ORDER = 3
+#: Angular speed of Figs. 7, 8, 10 and 12, rad/s; 80 km/h.
+SPEED_RAD_S = 67.3
+#: Orders in Fig. 6a and 6b.
+FIGURE_6_ORDERS = ((1, 2), (3, 4))
+#: Upper end of the frequency range of interest, Hz (section 2).
+HIGHEST_HZ = 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +148,6 @@ def relabelled(plot: Plot, names: Mapping[str, str]) -> Plot:
     return replace(plot, panels=tuple(panels))
 
 
-KIND = "The paper's tables and figures, computed"
-SUBJECT = f"A theoretical model for a rolling tyre, {DESIGNATION}"
-INTRODUCTION = (
-    "“A theoretical model for investigating the structural dynamics of a rolling tyre”: every "
-    "table and figure with results, computed with the equations as corrected in the documentation "
-    "of the model and set beside what is printed. The paper's figures are not reproduced here; "
-    "what its text says about them is tested."
-)
-
-
 def statements_table(chapters: Sequence[Chapter]) -> NumberTable:
     """All statements of all chapters."""
     every = [statement for chapter in chapters for statement in chapter.statements]
@@ -183,13 +190,5 @@ def _section(chapter: Chapter, pictures: Mapping[str, bytes]) -> Section:
     return Section(chapter.anchor, chapter.title, tuple(map(block, chapter.parts)))
 
 
-#: Order whose waves Figs. 5, 7, 8 and 10 show.
-WAVE_ORDER = 3
-#: Angular speed of Figs. 7, 8, 10 and 12, rad/s; 80 km/h.
-SPEED_RAD_S = 67.3
 #: Angles of force and response in Figs. 3, 11 and 12, degrees; the response is at node 20.
 FORCE_DEG, RESPONSE_DEG = 0.0, 100.0
-#: Orders in Fig. 6a and 6b.
-FIGURE_6_ORDERS = ((1, 2), (3, 4))
-#: Upper end of the frequency range of interest, Hz (section 2).
-HIGHEST_HZ = 300.0

@@ -69,6 +69,8 @@ ON_SENSITIVITY = (
     "of the ring of Table 4: k_θ shows in order 1 only, D in the highest orders, K in none. With "
     "all parameters scaled together no frequency changes."
 )
+PAGE = "paper.html"
+FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproduction is known
 
 
 def model_checks() -> Chapter:
@@ -165,10 +167,6 @@ def _figure_of_the_hub() -> Chart:
         "to Table 3. At low frequencies belt and wheel move as one body and the force is their "
         "share of mass; the peak is order 1.",
     )
-
-
-PAGE = "paper.html"
-FOLDER_MARKER = "paper.json"  # lists the files, by which an earlier reproduction is known
 
 
 def reproduce_paper(

@@ -50,6 +50,18 @@ STYLE: dict[Any, Any] = {
     **{"grid.color": "#DDDDDD", "grid.linewidth": 0.5, "legend.frameon": False},
     **{"lines.linewidth": 1.2, "lines.markersize": 4.0, "savefig.facecolor": "white"},
 }
+POINTS_PER_PX = 0.7  # of a line: thinner in print than on the screen
+MARKER_POINTS_PER_PX = 0.55
+DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
+#: Plotly's symbols → matplotlib's.
+MARKERS = {
+    **{"circle": "o", "circle-open": "o", "cross-thin-open": "+", "x-thin-open": "x"},
+    **{"square": "s", "triangle-up": "^", "diamond": "D", "triangle-down": "v"},
+    **{"cross": "P", "x": "X", "star": "*"},
+}
+UNKNOWN = "#C8C8C8"  # cells of a map without a value
+BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
+LONG_NAMES = 34  # letters of all names together that fit side by side
 
 
 @contextmanager
@@ -119,20 +131,6 @@ def write_figure(path: Path, figure: Figure) -> None:
             partial.write_bytes(png(figure, FILE_DOTS_PER_INCH))
         else:
             figure.savefig(partial, format="svg", metadata={"Date": None, "Creator": None})
-
-
-POINTS_PER_PX = 0.7  # of a line: thinner in print than on the screen
-MARKER_POINTS_PER_PX = 0.55
-DASHES = {"solid": "-", "dash": "--", "dot": ":", "dashdot": "-."}
-#: Plotly's symbols → matplotlib's.
-MARKERS = {
-    **{"circle": "o", "circle-open": "o", "cross-thin-open": "+", "x-thin-open": "x"},
-    **{"square": "s", "triangle-up": "^", "diamond": "D", "triangle-down": "v"},
-    **{"cross": "P", "x": "X", "star": "*"},
-}
-UNKNOWN = "#C8C8C8"  # cells of a map without a value
-BARS: dict[str, Any] = {"fmt": "none", "elinewidth": 1.0, "capsize": 2.0}
-LONG_NAMES = 34  # letters of all names together that fit side by side
 
 
 def draw_plot(plot: go.Plot) -> Figure:

@@ -34,6 +34,8 @@ from pipelines.results.tables import in_band, place_name
 
 Ends = tuple[float, float]
 Stds = NDArray[np.float64]
+_AMPLITUDE = 0.3  # largest deflection, in radii
+_ANGLES = "angles_deg"
 
 
 def plot_setup(
@@ -127,7 +129,6 @@ _SECTION, _WIDTH = 0.3, 1.25  # radius of the section in radii of the belt, and 
 _TURN, _TILT, _DISTANCE = 0.62, 0.3, 7.0  # view in rad, and distance of the eye
 _FRAMES, _FRAME_MS = 24, 80
 _SIZE_PX, _OVERSAMPLED = 420, 2
-_AMPLITUDE = 0.3  # largest deflection, in radii
 
 Real = NDArray[np.float64]
 
@@ -189,7 +190,6 @@ def _rgb(colour: str) -> Real:
 
 
 _Ends = tuple[float, float]
-_ANGLES = "angles_deg"
 
 
 @singledispatch

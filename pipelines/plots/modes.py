@@ -50,6 +50,7 @@ _INDICATORS = {
     False: "RMS inertance of all positions (line)",
     True: "complex mode indicator function of all forces (lines: as many peak as there are modes)",
 }
+_OVERLAID = 7  # as many colours as can be told apart
 
 
 def stability_chart(diagram: StabilityDiagram) -> Chart:
@@ -364,9 +365,6 @@ def matrix_chart(
     axes = go.Axis(titles[1], names=columns), go.Axis(titles[0], names=rows, reverse=True)
     plot = go.Plot((go.Panel((shown,), *axes),), (9.5, 9))
     return Chart(name, plot, alternative, caption, height_px=420)
-
-
-_OVERLAID = 7  # as many colours as can be told apart
 
 
 def sum_chart(frf: FRF, model: ModalModel) -> Chart:

@@ -27,6 +27,12 @@ TOLERANCE = f"±{TOLERANCE_PERCENT:g} %"
 WITH_BARS = "Bars: ± 2 standard deviations of the measurement"
 WEAK = 0.02  # % change of frequency for 1 % of a parameter that hardly moves anything
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+DEFLECTION = 0.25  # drawn deflection of a wave of unit amplitude, in radii
+#: Colours from dark to light for a sequence, all visible on white: viridis in ten steps.
+SHADES = (
+    "#440154", "#482475", "#414487", "#355f8d", "#2a788e",
+    "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26",
+)  # fmt: skip
 
 
 def scatter_chart(found: Validation, std_hz: go.Floats | None = None) -> Chart:
@@ -231,14 +237,6 @@ def _power(trend: Trend) -> int:
     largest = float(np.abs(trend.value).max())
     exponent = int(np.floor(np.log10(largest))) if largest else 0
     return 0 if -2 <= exponent <= 3 else 3 * (exponent // 3)
-
-
-DEFLECTION = 0.25  # drawn deflection of a wave of unit amplitude, in radii
-#: Colours from dark to light for a sequence, all visible on white: viridis in ten steps.
-SHADES = (
-    "#440154", "#482475", "#414487", "#355f8d", "#2a788e",
-    "#21918c", "#22a884", "#44bf70", "#7ad151", "#bddf26",
-)  # fmt: skip
 
 
 def waves_over_speed(found: Bifurcation, title: str = "", marked: float | None = None) -> go.Panel:

@@ -45,6 +45,8 @@ _OF_RING = (Check.AMPLITUDE, Check.PLAUSIBILITY, Check.RING)  # found again by e
 _LIMITS = {"mean_radius_m": LENGTHS_M, "inflation_pressure_pa": PRESSURES_PA}
 _LIMITS |= {"belt_width_m": LENGTHS_M}
 _FEWEST_ORDERS = 3  # that determine a ring
+# The mass that the residue gives is known to this share: calibration of force and sensors.
+_MASS_STD = 0.05
 
 
 @one_blas_thread
@@ -298,10 +300,6 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
         orders = "order was" if n_orders == 1 else "orders were"
         return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
     return ""
-
-
-# The mass that the residue gives is known to this share: calibration of force and sensors.
-_MASS_STD = 0.05
 
 
 def with_other_modes(

@@ -26,6 +26,39 @@ from model.tuning import TuningResult
 from pipelines.results.result import Validation
 
 _MOST_NAMED = 3  # warnings in the message of a strict run
+# Values of tyres, wide enough for motorcycles and trucks: natural frequency of order 1 on a fixed
+# rim (car tyres have 65 to 100 Hz: Gong 1993, Zegelaar 1998, Kindt 2009; truck tyres from 45 Hz),
+# and mass of belt and tread per area (car tyres 12 to 25 kg/m², the same; truck tyres up to 50).
+_ORDER_1_HZ = (40.0, 130.0)
+_KG_M2 = (7.0, 60.0)
+# Common errors of sampling rates, as factors: half or double (complex or real samples, Nyquist
+# limit given as rate), decades, decimation, two common rates of acquisition hardware.
+_RATE_FACTORS = (2.0, 0.5, 2.56, 1 / 2.56, 10.0, 0.1, 4.0, 0.25, 51.2 / 48, 1e3, 1e-3)
+# Common errors of pressures: value used over the correct one.
+_PRESSURES = (
+    (1e-5, "bar taken for Pa"),
+    (1e-3, "kPa taken for Pa"),
+    (1e5 / 6894.757, "psi taken for bar"),
+    (6894.757 / 1e5, "bar taken for psi"),
+    (1e3 / 6894.757, "psi taken for kPa"),
+)
+# A cause has to bring the values within this factor of the usual ones.
+_CAUSE_WITHIN = 1.8
+# The ring's mass follows from a few frequencies: only a gross difference is a matter of units.
+_AMPLITUDE_LIMIT = 3.0
+_LEAST_MASS_STD = 1e-3  # of a modal mass, what virtual campaigns show
+# A mode of order 1 with a share of the ring's drive is that of a rim; the air's is driven far less.
+_RIM_DRIVE = 0.1
+# A wrong unit has to explain the modal masses within this factor.
+_UNIT_WITHIN = 1.5
+_UNITS = (
+    (9.80665, "accelerations in g taken for m/s²"),
+    (1 / 9.80665, "accelerations in m/s² taken for g, or a force in kgf for N"),
+    (4.448, "a force in N taken for lbf"),
+    (1 / 4.448, "a force in lbf taken for N"),
+    (1e3, "a force in N taken for kN, or accelerations in mV for V"),
+    (1e-3, "a force in kN taken for N"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,41 +131,8 @@ def aligned_shape(mode: Mode, position_deg: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(cosine * np.cos(angle) + sine * np.sin(angle))
 
 
-# Values of tyres, wide enough for motorcycles and trucks: natural frequency of order 1 on a fixed
-# rim (car tyres have 65 to 100 Hz: Gong 1993, Zegelaar 1998, Kindt 2009; truck tyres from 45 Hz),
-# and mass of belt and tread per area (car tyres 12 to 25 kg/m², the same; truck tyres up to 50).
-_ORDER_1_HZ = (40.0, 130.0)
-_KG_M2 = (7.0, 60.0)
 # Of a car tyre; a likely cause brings the values near these.
 _USUAL_HZ, _USUAL_KG_M2 = 80.0, 18.0
-# Common errors of sampling rates, as factors: half or double (complex or real samples, Nyquist
-# limit given as rate), decades, decimation, two common rates of acquisition hardware.
-_RATE_FACTORS = (2.0, 0.5, 2.56, 1 / 2.56, 10.0, 0.1, 4.0, 0.25, 51.2 / 48, 1e3, 1e-3)
-# Common errors of pressures: value used over the correct one.
-_PRESSURES = (
-    (1e-5, "bar taken for Pa"),
-    (1e-3, "kPa taken for Pa"),
-    (1e5 / 6894.757, "psi taken for bar"),
-    (6894.757 / 1e5, "bar taken for psi"),
-    (1e3 / 6894.757, "psi taken for kPa"),
-)
-# A cause has to bring the values within this factor of the usual ones.
-_CAUSE_WITHIN = 1.8
-# The ring's mass follows from a few frequencies: only a gross difference is a matter of units.
-_AMPLITUDE_LIMIT = 3.0
-_LEAST_MASS_STD = 1e-3  # of a modal mass, what virtual campaigns show
-# A mode of order 1 with a share of the ring's drive is that of a rim; the air's is driven far less.
-_RIM_DRIVE = 0.1
-# A wrong unit has to explain the modal masses within this factor.
-_UNIT_WITHIN = 1.5
-_UNITS = (
-    (9.80665, "accelerations in g taken for m/s²"),
-    (1 / 9.80665, "accelerations in m/s² taken for g, or a force in kgf for N"),
-    (4.448, "a force in N taken for lbf"),
-    (1 / 4.448, "a force in lbf taken for N"),
-    (1e3, "a force in N taken for kN, or accelerations in mV for V"),
-    (1e-3, "a force in kN taken for N"),
-)
 
 
 def plausibility_finding(

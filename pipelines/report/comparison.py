@@ -54,6 +54,8 @@ HOW_TO_READ = (
     f"Same shape: a MAC of {shapes.SAME:g} or more, alone or with its pair. "
     f"Similar: {shapes.SIMILAR:g} or more.",
 )
+_MARK = " *"  # behind a significant change
+_HOW = "Changes are against the first result, in percent; * marks those that are significant."
 
 
 def comparison_sections(comparison: Comparison) -> tuple[Section, ...]:
@@ -244,9 +246,6 @@ def _matrix(found: shapes.ShapeComparison) -> Chart:
         f"modes are a pair, the two share it.{left_out}",
     )
 
-
-_MARK = " *"  # behind a significant change
-_HOW = "Changes are against the first result, in percent; * marks those that are significant."
 
 # By number and name of the mode in the first, as the mean of a pair is not its member, then by
 # comparison.

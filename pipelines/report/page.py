@@ -34,6 +34,12 @@ _KINDS: dict[str, tuple[type, str]] = {  # of values that are not texts
     "fields": (dict, "a table of texts"),
 }
 _OF_MANIFEST = ("report_number", "client")  # may differ from tyre to tyre: a key of [tyre] as well
+LIBRARY = "vendor/plotly-cartesian.min.js"
+SCRIPTS = ("charts.js", "responses.js", "torus.js", "animation.js")  # in the order they run
+# In JSON these are in strings only; escaped, no text of a file can end the script.
+ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&"})
+# An escaped backslash, or an escape of JSON for an invisible character.
+JSON_ESCAPE = re.compile(r"\\\\|\\u(00[01][0-9a-f])|\\([bf])")
 
 
 @dataclass(frozen=True)
@@ -128,12 +134,6 @@ def _picture(where: str, path: Path) -> str:
 
 
 LONG_WORD, PIECE = 32, 16  # characters: a checksum breaks, a file name does not
-LIBRARY = "vendor/plotly-cartesian.min.js"
-SCRIPTS = ("charts.js", "responses.js", "torus.js", "animation.js")  # in the order they run
-# In JSON these are in strings only; escaped, no text of a file can end the script.
-ESCAPED = str.maketrans({c: f"\\u{ord(c):04x}" for c in "<>&"})
-# An escaped backslash, or an escape of JSON for an invisible character.
-JSON_ESCAPE = re.compile(r"\\\\|\\u(00[01][0-9a-f])|\\([bf])")
 
 
 @dataclass(frozen=True)

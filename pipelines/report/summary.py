@@ -46,6 +46,8 @@ _TITLES = {  # of the sections that a remark leads to
     "frf": "FRFs",
     "parameters": "ring parameters",
 }
+_TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))
+DEFINITIONS: dict[str, str] = _TEXTS["definitions"]
 
 
 def summary(result: Result, units: Units = Units.LAB) -> Section:
@@ -133,10 +135,6 @@ def _basis(result: Result) -> str:
     if result.tuning is not None and ring_is_usable(result):
         parts.append(f"pressure as {result.tuning.pressure_load} load")
     return f"{'; '.join(parts)}. ± is one standard deviation."
-
-
-_TEXTS = tomllib.loads(Path(__file__).with_name("definitions.toml").read_text(encoding="utf-8"))
-DEFINITIONS: dict[str, str] = _TEXTS["definitions"]
 
 
 def warnings(result: Result) -> Section:

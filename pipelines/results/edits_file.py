@@ -23,6 +23,7 @@ from pipelines.storage.checksums import content_sha256
 SCHEMA = 1
 EDITS_NAME = "edits.toml"
 _ABOUT = ("kind", "by", "at", "reason")
+_KINDS = ", ".join(EditKind)
 
 
 class Replayed(StrEnum):
@@ -250,9 +251,6 @@ def _edit(where: str, entry: Any) -> Edit:
         parts["settings"] = settings_of(f"{where}, settings", given)
     who = {key: _typed(where, key, entry.get(key, ""), str) for key in ("by", "reason")}
     return Edit(kind, **parts, **who, at=_time(where, entry.get("at", "")))
-
-
-_KINDS = ", ".join(EditKind)
 
 
 def _names_of(kind: EditKind) -> tuple[str, ...]:

@@ -20,6 +20,14 @@ TYRE_BAND_HZ = (20.0, 300.0)
 
 #: Pressure model of a tuning: that of the paper.
 DEFAULT_LOAD: PressureLoad = "dead"
+#: Shares of a value, and the field of `TuningPriors` for each.
+_SHARES = {"calibration": "calibration_std", "model_form": "model_form_std"}
+#: Values that are given elsewhere, in SI.
+_SPREADS = {
+    "inflation_pressure_pa": "pressure_std",
+    "mean_radius_m": "radius_std",
+    "belt_width_m": "width_std",
+}
 
 
 def _number_from(low: float, below: float = inf) -> Callable[[Any], bool]:
@@ -160,16 +168,6 @@ def tuning_in_force(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> d
         both = isinstance(entry, dict) and isinstance(earlier, dict)
         merged[name] = {**earlier, **entry} if both and earlier else entry
     return merged
-
-
-#: Shares of a value, and the field of `TuningPriors` for each.
-_SHARES = {"calibration": "calibration_std", "model_form": "model_form_std"}
-#: Values that are given elsewhere, in SI.
-_SPREADS = {
-    "inflation_pressure_pa": "pressure_std",
-    "mean_radius_m": "radius_std",
-    "belt_width_m": "width_std",
-}
 
 
 def tuning_arguments(

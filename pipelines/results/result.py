@@ -33,6 +33,8 @@ from model.tuning import TuningResult
 if TYPE_CHECKING:
     import pandas as pd
 
+TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -100,9 +102,6 @@ def _pole_record(pole: PoleName) -> dict[str, Any]:
 
 def _said(record: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in record.items() if value not in (None, "", {})}
-
-
-TORSION = COMMON_NAMES[Direction.TANGENTIAL, 0]
 
 
 @dataclass(frozen=True, eq=False)

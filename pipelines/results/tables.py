@@ -46,6 +46,29 @@ _UNITS = {
     },
     **{"_deg": "°", "_c": "°C", "_percent": "%", "_m_s": "m/s", "_km_h": "km/h"},
 }
+#: Columns of ``modes.csv``.
+MODES = ("mode", *MODE_COLUMNS)
+# Columns of ``orders.csv``, and where an `OrderReport` has them.
+_ORDERS = {
+    **{"order": "order", "verdict": "pair.verdict", "chance": "pair.chance"},
+    **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
+    **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
+    "evidence": "pair.evidence",
+    **{name: name for name in ("antinode_deg", "antinode_std_deg")},
+}
+# Columns of ``other_modes.csv``, and where an `OtherMode` has them.
+_OTHER = {
+    **{name: name for name in ("direction", "force_direction", "order", "name")},
+    **{name: name for name in ("frequency_hz", "frequency_std_hz", "damping_ratio")},
+    **{"damping_ratio_std": "damping_std"},
+    **{name: name for name in ("order_purity", "n_positions")},
+}
+_VALIDATION = (
+    *("order", "measured_hz", "model_hz", "error_percent"),
+    *("measured_damping", "model_damping", "mac"),
+)
+_DIRECTIONS = ("", "X", "Y", "Z")
+_OF_FORCE = ("force_node", "force_axis")  # in the metadata of Parquet files
 
 
 def named(key: str, text: str) -> tuple[str, str]:
@@ -205,33 +228,6 @@ def _mean_by_column(values: NDArray[np.float64], width: int) -> NDArray[np.float
     total = np.nansum(bins, axis=2)
     mean = np.full(total.shape, np.nan)
     return np.asarray(np.divide(total, known, out=mean, where=known > 0))
-
-
-#: Columns of ``modes.csv``.
-MODES = ("mode", *MODE_COLUMNS)
-# Columns of ``orders.csv``, and where an `OrderReport` has them.
-_ORDERS = {
-    **{"order": "order", "verdict": "pair.verdict", "chance": "pair.chance"},
-    **{"frequency_hz": "frequency_hz", "frequency_std_hz": "frequency_std_hz"},
-    **{"damping_ratio": "damping_ratio", "damping_ratio_std": "damping_std"},
-    "evidence": "pair.evidence",
-    **{name: name for name in ("antinode_deg", "antinode_std_deg")},
-}
-# Columns of ``other_modes.csv``, and where an `OtherMode` has them.
-_OTHER = {
-    **{name: name for name in ("direction", "force_direction", "order", "name")},
-    **{name: name for name in ("frequency_hz", "frequency_std_hz", "damping_ratio")},
-    **{"damping_ratio_std": "damping_std"},
-    **{name: name for name in ("order_purity", "n_positions")},
-}
-_VALIDATION = (
-    *("order", "measured_hz", "model_hz", "error_percent"),
-    *("measured_damping", "model_damping", "mac"),
-)
-
-
-_DIRECTIONS = ("", "X", "Y", "Z")
-_OF_FORCE = ("force_node", "force_axis")  # in the metadata of Parquet files
 
 
 def csv_tables(result: Result) -> dict[str, pd.DataFrame]:

@@ -42,6 +42,7 @@ _FIRST = (
     *(Check.DRIVE_POINT, Check.DRIFT, Check.REFERENCE, Check.GAIN, Check.WITHIN_RUN),
     *(Check.INCONSISTENT, Check.CORRECTIONS_WITHHELD),
 )
+SECTIONS = ("model", "verdict", "covariance", "measured")
 
 
 @dataclass(frozen=True)
@@ -308,9 +309,6 @@ def _named(how: dict[str, str], wanted: str) -> list[str]:
     """Name and symbol of the parameters that were obtained in a way."""
     names = RING_NAMES | DAMPING_NAMES
     return [" ".join(names[each][:2]) for each, found in how.items() if found == wanted]
-
-
-SECTIONS = ("model", "verdict", "covariance", "measured")
 
 
 @dataclass(frozen=True)

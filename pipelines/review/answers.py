@@ -29,6 +29,13 @@ _FAR_SIGMA = 3.0  # a change that is worth a warning
 _WORSE = 1.05  # ratio of the reduced χ² above which a fit got worse
 _MOST_LETTERS = 200  # of a name
 _REVIEWED = "reviewed"
+_RELOAD = "Reload the page"
+_BLOBS: dict[str, Callable[..., bytes | None]] = {
+    "diagram": curves.diagram_blob,
+    "orders": curves.orders_blob,
+    "shapes": curves.shapes_blob,
+}
+_OF_ROW = {"frf": curves.frf_blob, "fit": curves.fit_blob}
 
 
 def signoff(bench: Bench) -> dict[str, Any]:
@@ -144,14 +151,6 @@ def _without_reason(sight: Sight) -> Iterator[str]:
 
 Content = Mapping[str, Any]
 Answer = Mapping[str, Any] | bytes  # bytes are arrays
-
-_RELOAD = "Reload the page"
-_BLOBS: dict[str, Callable[..., bytes | None]] = {
-    "diagram": curves.diagram_blob,
-    "orders": curves.orders_blob,
-    "shapes": curves.shapes_blob,
-}
-_OF_ROW = {"frf": curves.frf_blob, "fit": curves.fit_blob}
 
 
 class MissingError(LookupError):

@@ -39,6 +39,8 @@ _KEPT_FITS = 24  # undo and redo among these asks for no fit
 _KEPT_FRFS = 2  # edits of channels have FRFs of their own, some 20 MB
 _KEPT_POLES = 2  # edits of poles have a fit of their own, some 10 MB
 _KEPT_BASES = 3  # automatic identifications with other settings
+_ID_BYTES = 6
+_KEPT_RESULTS = 12  # that were compared
 
 
 class Stage(StrEnum):
@@ -312,8 +314,6 @@ def _cost_record(cost: EditCost, text: str) -> dict[str, Any]:
 
 
 Event = Mapping[str, Any] | None  # None ends a stream
-_ID_BYTES = 6
-_KEPT_RESULTS = 12  # that were compared
 
 
 class Desk:

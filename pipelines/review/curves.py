@@ -25,6 +25,8 @@ from pipelines.review.sight import ModeRow, Sight
 _SHOWN_ORDERS = 12
 _ALIGNED = 4  # header and arrays start at multiples of so many bytes
 _BEYOND = 0.15  # share of the band that is shown beyond its ends
+_REAL_SHAPE = 0.9  # MPC below which a shape is complex (Heylen, Lammens, Sas 1997)
+_FAR_SIGMA = 3.0
 
 
 def blob(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
@@ -161,10 +163,6 @@ def _shown(frf: FRF, sight: Sight) -> NDArray[np.bool_]:
     (low, high), (first, last) = sight.model.band_hz, sight.model.fit_band_hz
     beyond = _BEYOND * (high - low)
     return in_band(frf.frequency_hz, (min(first, low - beyond), max(last, high + beyond)))
-
-
-_REAL_SHAPE = 0.9  # MPC below which a shape is complex (Heylen, Lammens, Sas 1997)
-_FAR_SIGMA = 3.0
 
 
 @dataclass(frozen=True)

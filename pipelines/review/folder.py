@@ -44,6 +44,13 @@ _CHI_SQUARE = 2.0  # reduced, above which a fit is worth a look
 _MB = 1e6
 
 Named = Callable[[Path], str]
+MOST_RESULTS = 12
+# Conditions over which modes are tracked: key of [tyre], name, unit, factor.
+_AXES = (
+    ("inflation_pressure_pa", "pressure", "bar", 1e-5),
+    ("load_n", "load", "N", 1.0),
+    ("temperature_c", "temperature", "°C", 1.0),
+)
 
 
 @dataclass(frozen=True)
@@ -236,13 +243,6 @@ def _tyre(tyre: LibraryTyre) -> dict[str, Any]:
     return row
 
 
-MOST_RESULTS = 12
-# Conditions over which modes are tracked: key of [tyre], name, unit, factor.
-_AXES = (
-    ("inflation_pressure_pa", "pressure", "bar", 1e-5),
-    ("load_n", "load", "N", 1.0),
-    ("temperature_c", "temperature", "°C", 1.0),
-)
 _HOUR_S, _DAY_S = 3600.0, 86400.0
 _LONG_S = 3 * _DAY_S  # times farther apart are shown in days
 

@@ -22,6 +22,9 @@ from pipelines.storage.atomic import MARKER
 from pipelines.storage.checksums import sha256
 
 _REMEDY = "Reload the page"
+FOLDER = ".ringmodal-review"
+_STATE = "XDG_STATE_HOME", "LOCALAPPDATA"
+_SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -91,11 +94,6 @@ def keys(edits: Iterable[Edit]) -> list[str]:
 def key(edits: Iterable[Edit]) -> str:
     """A text that differs where the numbers of a fit with these edits may."""
     return keys(edits)[-1]
-
-
-FOLDER = ".ringmodal-review"
-_STATE = "XDG_STATE_HOME", "LOCALAPPDATA"
-_SCHEMA = 1
 
 
 @dataclass

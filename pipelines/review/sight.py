@@ -24,6 +24,16 @@ from pipelines.review.session import Session
 
 _SAME_MODE = 0.05  # farther from each other, relative to their frequency, poles are different modes
 _SAME_POLE = 1e-6  # relative distance of a name to the pole it was taken from
+#: Settings whose change reads the recordings again.
+REREADS = ("window", "block_seconds", "overlap", "averages")
+_VERBS = {
+    **{EditKind.KEEP: "Keep", EditKind.SET_ASIDE: "Set aside", EditKind.PICK: "Pick"},
+    **{EditKind.START: "Start at", EditKind.LOCK: "Lock", EditKind.ONLY_KEPT: "Only what is kept"},
+    **{EditKind.NO_PARTNERS: "No partners added", EditKind.CHANNEL_OUT: "Leave out"},
+    **{EditKind.CHANNEL_IN: "Use", EditKind.FLIP: "Flip", EditKind.GAIN: "Scale"},
+    **{EditKind.RUN_OUT: "Leave out run", EditKind.ORDER_IS: "Order of"},
+    **{EditKind.SETTINGS: "Settings", EditKind.NOTE: "Note"},
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,18 +254,6 @@ def _twins(now: tuple[Mode, ...], before: tuple[Mode, ...]) -> dict[int, int]:
     apart = np.abs(one[:, None] - other) / np.abs(other)
     pairs = zip(*linear_sum_assignment(np.minimum(apart, 2 * _SAME_MODE)), strict=True)
     return {int(k): int(m) for k, m in pairs if apart[k, m] < _SAME_MODE}
-
-
-#: Settings whose change reads the recordings again.
-REREADS = ("window", "block_seconds", "overlap", "averages")
-_VERBS = {
-    **{EditKind.KEEP: "Keep", EditKind.SET_ASIDE: "Set aside", EditKind.PICK: "Pick"},
-    **{EditKind.START: "Start at", EditKind.LOCK: "Lock", EditKind.ONLY_KEPT: "Only what is kept"},
-    **{EditKind.NO_PARTNERS: "No partners added", EditKind.CHANNEL_OUT: "Leave out"},
-    **{EditKind.CHANNEL_IN: "Use", EditKind.FLIP: "Flip", EditKind.GAIN: "Scale"},
-    **{EditKind.RUN_OUT: "Leave out run", EditKind.ORDER_IS: "Order of"},
-    **{EditKind.SETTINGS: "Settings", EditKind.NOTE: "Note"},
-}
 
 
 def state(sight: Sight) -> dict[str, Any]:

@@ -34,6 +34,7 @@ _PATIENCE_S = 2.0  # with a fit that is to stop: steps take less
 
 _MMAP_THRESHOLD, _LARGE_BYTES = -3, 2**18  # M_MMAP_THRESHOLD of malloc.h
 _ARENA_MAX = -8  # M_ARENA_MAX of malloc.h
+_RESULT = "result"  # name of the result folder in a campaign's
 
 
 def return_large_arrays() -> None:
@@ -159,9 +160,6 @@ def _answer(function: Callable[[Stop], Any], future: Future[Any], stop: Stop) ->
         future.set_result(function(stop))
     except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the answer
         future.set_exception(error)
-
-
-_RESULT = "result"  # name of the result folder in a campaign's
 
 
 class Jobs:

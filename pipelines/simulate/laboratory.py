@@ -32,6 +32,7 @@ from pipelines.storage.atomic import written_whole
 TRUTH_DEG = np.arange(POSITIONS) * 360.0 / POSITIONS
 HIGHEST_TRUTH_HZ = 600.0
 _SAME_POLE = 1e-7  # relative distance below which two poles are one
+_STEP = 1e-3  # relative step of the pressure for its effect on the poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,9 +162,6 @@ def _mode_content(mode: LaboratoryMode) -> dict[str, Any]:
     content = asdict(mode)
     shape = content.pop("shape")
     return content | {"re": np.round(shape.real, 12).tolist(), "im": shape.imag.round(12).tolist()}
-
-
-_STEP = 1e-3  # relative step of the pressure for its effect on the poles
 
 
 @dataclass(frozen=True, eq=False)

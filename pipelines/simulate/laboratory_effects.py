@@ -11,6 +11,10 @@ from typing import Any
 
 from ema.core.errors import InputError
 
+MOST_SAMPLES = 4_000_000  # per channel and run; a run is computed in memory
+LOWEST_EXCITED_HZ = 10.0
+HIGHEST_EXCITED = 0.45  # of the sampling rate
+
 
 class Excitation(StrEnum):
     """Time course of the force."""
@@ -20,11 +24,6 @@ class Excitation(StrEnum):
     BURST = "burst"
     SWEEP = "sweep"
     HAMMER = "hammer"
-
-
-MOST_SAMPLES = 4_000_000  # per channel and run; a run is computed in memory
-LOWEST_EXCITED_HZ = 10.0
-HIGHEST_EXCITED = 0.45  # of the sampling rate
 
 
 def _effect(default: Any, unit: str, help_text: str, least: float = 0.0, most: float = 1.0) -> Any:

@@ -32,6 +32,8 @@ from model.ring import Frame
 
 PER_FORCE = "(m/s²)/N"
 PER_LINE_FORCE = "(m/s²)/(N/m)"
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
+MOST_LOADS = 200  # each takes 0.1 s or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +92,6 @@ def simulate_inertance(
     return SimulatedInertance(np.asarray(frequency_hz), values.astype(complex), unit)
 
 
-UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s²"}
-
-
 @dataclass(frozen=True)
 class Observer:
     """A point where a response is read."""
@@ -138,9 +137,6 @@ def simulate_cleat(
     seen = {name: getattr(observer, name) for name in ("frame", "direction", "quantity")}
     response, spectrum = test.response(times, angle, **seen), test.spectrum(lines, angle, **seen)
     return CleatResponse(observer, times, response, lines, spectrum.astype(complex))
-
-
-MOST_LOADS = 200  # each takes 0.1 s or more
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,6 +39,8 @@ from pipelines.library.library import read_source
 
 FORCES = ("force_x", "force_z", "moment_m")
 MOTIONS = ("x_m_n", "z_m_n", "rotation_rad_n")
+HIGHEST_ORDER = 16
+_LINES_AT_ONCE = 8192
 
 
 @dataclass(frozen=True)
@@ -179,9 +181,6 @@ def free_frequencies(
     frequencies = np.concatenate([turning, moving]) / (2.0 * np.pi)
     return {"order": orders, "frequency_hz": np.round(frequencies, 6) + 0.0}
 
-
-HIGHEST_ORDER = 16
-_LINES_AT_ONCE = 8192
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

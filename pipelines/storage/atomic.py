@@ -26,6 +26,14 @@ from pipelines.storage.checksums import (
     unknown_entries,
 )
 
+_OWNER = r"(\d{1,9})-[0-9a-f]{8}"
+_ANY_PARTIAL = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")
+MARKER = "provenance.json"  # every result folder has it
+_LOG = logging.getLogger(__name__)
+_PROBE_BYTES = 2**20
+_ATTEMPTS = 50  # other processes may be replacing or reading the same result
+_PAUSE_S = 0.01
+
 
 @contextmanager
 def file_written_whole(path: Path) -> Iterator[Path]:
@@ -81,10 +89,6 @@ def require_free_file(target: Path, *, force: bool) -> None:
     if not target.absolute().parent.is_dir():
         found = "its folder does not exist"
         raise InputError(str(target), found, "the folder must exist", "Create it first")
-
-
-_OWNER = r"(\d{1,9})-[0-9a-f]{8}"
-_ANY_PARTIAL = re.compile(rf"\..+\.\w+-{_OWNER}\.partial")
 
 
 def partial_name(place: Path, ending: str = "partial") -> Path:
@@ -192,13 +196,7 @@ def _may_run(process: int) -> bool:
     return True
 
 
-MARKER = "provenance.json"  # every result folder has it
 Checksums = Mapping[str, str]
-
-_LOG = logging.getLogger(__name__)
-_PROBE_BYTES = 2**20
-_ATTEMPTS = 50  # other processes may be replacing or reading the same result
-_PAUSE_S = 0.01
 
 
 def require_free(

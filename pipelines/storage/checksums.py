@@ -25,6 +25,8 @@ ACCEPTED = "accepted_changes"  # key of a provenance: changed files that were ac
 KEY = "sha256"  # last key of a file of a library
 
 _OF_FILE_MANAGERS = ("Thumbs.db", "desktop.ini", ".DS_Store")
+_SEAL = re.compile(rf'\n{KEY} = "[0-9a-f]{{64}}"\s*\Z'.encode())
+_LONGEST_SEAL = 100  # bytes, with line ends of any kind
 
 
 class Fault(Enum):
@@ -119,10 +121,6 @@ def known_files(marker: Path, accepted: Mapping[str, str] | None = None) -> dict
     if found.fault is not None and extra.get(marker.name) != own:
         return extra
     return {**found.files, marker.name: own, **extra}
-
-
-_SEAL = re.compile(rf'\n{KEY} = "[0-9a-f]{{64}}"\s*\Z'.encode())
-_LONGEST_SEAL = 100  # bytes, with line ends of any kind
 
 
 class DamagedFile(InputError):  # noqa: N818 - it is about a file

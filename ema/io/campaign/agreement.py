@@ -36,6 +36,10 @@ _FEWEST_LINES = 64  # fewer show no decay
 # phase is conjugate; noise has 1.
 _BACKWARDS = 2.0
 _SHOWN = 12  # positions in a message
+# A table this many times smaller than the files beside it is hardly a run of the same test.
+_SMALLER = 10
+_SHOWN_BESIDE = 6  # names in a message
+_TABLES = (".csv", ".tsv", ".txt", ".asc", ".dat", ".xlsx", ".xlsm")
 
 
 def check_duplicates(paths: Sequence[Path]) -> None:
@@ -283,12 +287,6 @@ def _rows_as_channels(content: FileContent) -> list[Channel]:
             Channel(unique, ACCELERATION, "", samples, node=int(node), angle_deg=angle_deg)
         )
     return channels
-
-
-# A table this many times smaller than the files beside it is hardly a run of the same test.
-_SMALLER = 10
-_SHOWN_BESIDE = 6  # names in a message
-_TABLES = (".csv", ".tsv", ".txt", ".asc", ".dat", ".xlsx", ".xlsm")
 
 
 def read_folder(paths: Sequence[Path]) -> list[FileContent]:

@@ -26,6 +26,17 @@ _SENSITIVITY = re.compile(r"^\s*([+-]?[0-9.,]+(?:[eE][+-]?[0-9]+)?)\s*(.+?)\s*$"
 _AMBIGUOUS = re.compile(r"^[+-]?[1-9][0-9]{0,2},[0-9]{3}$")  # decimal comma or thousands?
 _MECHANICAL = SI_UNIT.keys() - {VOLTAGE}  # quantities
 _WRITE = "Give the number and its unit as on the calibration sheet, e.g. '10.2 mV/g'"
+LETTERS = "XYZ"
+LOCAL = "local"
+# Part of another direction in a sensor that counts as radial: 2 degrees, within which it is placed.
+_ASKEW = 0.035
+_EXACT = 1e-9  # weights nearer to 0 and 1 than this are these
+_SHOWN = 6  # names in a message
+_UNITS = dict(zip(Direction, np.eye(3), strict=True))  # radial, tangential, axial
+REMEDY = (
+    f'Add axes to [grid] of {MANIFEST_NAME}: ["X", "Z"] for the axes that point to 0 and to 90 '
+    f'degrees, or "{LOCAL}" where they turn with the circle'
+)
 
 
 @dataclass(frozen=True)
@@ -139,17 +150,6 @@ def _with_sensitivity(
     return replace(channel, quantity=sensitivity.quantity, scale_to_si=scale_to_si)
 
 
-LETTERS = "XYZ"
-LOCAL = "local"
-# Part of another direction in a sensor that counts as radial: 2 degrees, within which it is placed.
-_ASKEW = 0.035
-_EXACT = 1e-9  # weights nearer to 0 and 1 than this are these
-_SHOWN = 6  # names in a message
-_UNITS = dict(zip(Direction, np.eye(3), strict=True))  # radial, tangential, axial
-REMEDY = (
-    f'Add axes to [grid] of {MANIFEST_NAME}: ["X", "Z"] for the axes that point to 0 and to 90 '
-    f'degrees, or "{LOCAL}" where they turn with the circle'
-)
 _Frame = NDArray[np.float64]
 
 

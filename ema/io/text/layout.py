@@ -39,6 +39,23 @@ _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
 _SEPARATORS = ("\t", ";", ",", "|")
+_RATE = (
+    r"(?:sampl\w*|data|scan)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|frequenz)|fs|f_s|"
+    r"samples[\s_-]*(?:per|/)[\s_-]*s(?:ec\w*)?"
+)
+_STEP = (
+    r"dt|delta[\s_-]*[tx]|abtast(?:intervall|zeit|schritt)|"
+    r"(?:sampl\w*|scan|time)[\s_-]*(?:interval|period|step|increment|spacing)"
+)
+_STATEMENT = re.compile(
+    rf"[\s#%!/;'\"*]*(?:(?P<rate>{_RATE})|(?P<step>{_STEP}))\s*(?:[\[(](?P<unit>[^\])]*)[\])])?"
+    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9](?:[0-9.,]*[0-9])?\.?(?:e[+-]?[0-9]+)?)"
+    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
+    re.IGNORECASE,
+)
+_PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 512 Hz, …``
+_SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
+_LONGEST = 200
 
 
 @dataclass(frozen=True)
@@ -312,25 +329,6 @@ def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> Rate:
         if stated is not None and (not first or not stated.is_open):
             rate, first = stated, line.number
     return rate
-
-
-_RATE = (
-    r"(?:sampl\w*|data|scan)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|frequenz)|fs|f_s|"
-    r"samples[\s_-]*(?:per|/)[\s_-]*s(?:ec\w*)?"
-)
-_STEP = (
-    r"dt|delta[\s_-]*[tx]|abtast(?:intervall|zeit|schritt)|"
-    r"(?:sampl\w*|scan|time)[\s_-]*(?:interval|period|step|increment|spacing)"
-)
-_STATEMENT = re.compile(
-    rf"[\s#%!/;'\"*]*(?:(?P<rate>{_RATE})|(?P<step>{_STEP}))\s*(?:[\[(](?P<unit>[^\])]*)[\])])?"
-    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9](?:[0-9.,]*[0-9])?\.?(?:e[+-]?[0-9]+)?)"
-    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
-    re.IGNORECASE,
-)
-_PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 512 Hz, …``
-_SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
-_LONGEST = 200
 
 
 def stated_rate(line: str, decimal: str) -> Rate | None:

@@ -36,6 +36,9 @@ _PROBED = 1024  # values at the beginning
 _FEWEST = 16  # values other than zero; fewer may be anything
 _SENSIBLE = (1e-15, 1e15)  # of motion or force, in whatever unit
 _FORTRAN_TO_C = bytes.maketrans(b"Dde", b"EEE")
+_SAME_FREQUENCY = 1e-6  # relative
+_ROUNDING = 1e-3  # by which a coherence may exceed 1
+_SAME_LINE = 1e-3  # of the step between lines
 
 
 def read_values(
@@ -210,11 +213,6 @@ def _by_arrow(
             return None  # reading number by number finds the faulty one
         numbers.append(found.to_numpy())
     return numbers[0] if same else np.column_stack(numbers).ravel()
-
-
-_SAME_FREQUENCY = 1e-6  # relative
-_ROUNDING = 1e-3  # by which a coherence may exceed 1
-_SAME_LINE = 1e-3  # of the step between lines
 
 
 def read_frf(

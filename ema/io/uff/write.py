@@ -38,6 +38,9 @@ RADIAL = 1  # first axis of a cylindrical system, as modal programs expect it
 _SAME_PLACE_DEG, _OFF_GRID = 1e-2, 100_000  # nodes of forces between positions
 _DATA_TYPE = {quantity: code for code, quantity in QUANTITY.items()}
 _ASCII_FIELD = {False: ("%13.5E", 6), True: ("%20.12E", 4)}  # double precision: width, per line
+_KELVIN_AT_0_C = 273.15
+_LONGEST_LINE = 125  # nodes of a trace line that every program accepts
+_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
 
 def write_time_series(
@@ -248,10 +251,7 @@ def _write_text(file: BinaryIO, values: NDArray[np.inexact], double: bool) -> No
 
 CARTESIAN, CYLINDRICAL = 1, 2  # numbers of the coordinate systems: the global one, the wheel's
 
-_KELVIN_AT_0_C = 273.15
 _NODE_COLOUR, _LINE_COLOUR = 11, 8
-_LONGEST_LINE = 125  # nodes of a trace line that every program accepts
-_MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 _STRUCTURAL, _TRANSLATION, _DISPLACEMENT = 1, 2, 8
 _NORMAL_MODE, _COMPLEX_EIGENVALUE = 2, 3
 
