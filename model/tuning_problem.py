@@ -225,7 +225,7 @@ class TuningProblem(ReadonlyArrays):
         return np.asarray(cholesky(self._mass_errors @ self._mass_errors.T, lower=True))
 
     def data_errors(self, ring: RingParameters) -> Array:
-        """Change of `deviations` by each error of the data, (n_data, n_errors); last the width's."""
+        """Change of `deviations` by errors of the data, last the width's, (n_data, n_errors)."""
         if self.objective == "paper":
             errors = np.diag((self.data_slope(ring) * self.frequency_errors)[self.used])
             return np.column_stack([errors, np.zeros(errors.shape[0])])

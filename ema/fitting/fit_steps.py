@@ -122,11 +122,15 @@ def as_seen(
         return [_with_std(mode, own)], own
     pair = ring.pair
     floor += (_FLOOR * size) ** 2 + (size * drift.std_of_mean) ** 2
+    of_member = floor + mixed * (width * _MIXED) ** 2
     if not ring.is_resolved:
         member = ring.one_row
         at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)
-        own = pair.covariance[at, at] + np.diag(floor + between**2)
-        if member is None:
+        own = pair.covariance[at, at] + np.diag(between**2)
+        if member is not None:
+            own = own + np.diag(of_member + _to_mean(pair, member) ** 2)
+        else:
+            own = own + np.diag(floor)
             own = own + np.diag(_of_shares(pair) ** 2)
             if ring.report.pair.chance < settings.pair_p_value:
                 own = own + np.diag(_to_stronger(pair))
@@ -134,8 +138,7 @@ def as_seen(
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
     rest = mode.residues - basis @ (np.linalg.pinv(basis) @ mode.residues)
-    both = np.tile(floor + mixed * (width * _MIXED) ** 2, 2)
-    own = pair.covariance[:4, :4] + np.diag(both)
+    own = pair.covariance[:4, :4] + np.diag(np.tile(of_member, 2))
     unknown = float("nan")  # the ends of the band move the one pole in the place of both
     members = [
         _with_std(
@@ -236,6 +239,17 @@ def std_of_unseen_pairs(
             if mode.order is None and k not in owner:
                 std[k] = share * (mode.frequency_hz, mode.damping_ratio)
     return std
+
+
+def _to_mean(pair: PairFit, member: int) -> NDArray[np.float64]:
+    """From a member to the mean of both (1 σ), less where they are apart.
+
+    Of a weak member beneath a strong one, its share times the split is seen, neither of them alone:
+    what else broadens the resonance is taken for it.
+    """
+    apart_hz, width_hz = pair.numbers[2] - pair.numbers[0], pair.numbers[4] * pair.numbers[5]
+    away = pair.numbers[4:] - pair.numbers[2 * member : 2 * member + 2]
+    return np.asarray(away / (1 + (apart_hz / width_hz) ** 2))
 
 
 def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
