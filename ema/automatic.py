@@ -335,8 +335,9 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
         state = replace(state, mass=replace(state.mass, drift=drift))
         fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
     for _ in range(_MASS_PASSES):
-        across = across_forces([fit[1].curve])[0]
-        if state.mass is None or not state.mass.loads or not across:
+        if state.mass is None or not state.mass.loads:
+            break
+        if not (across := across_forces([fit[1].curve])[0]):
             break
         state = replace(state, mass=replace(state.mass, across=across))
         fitted = state.fitted

@@ -18,6 +18,8 @@ from ema.fitting.variable_projection import Complex
 
 # Orders change alike from force to force to these shares of frequency and decay.
 _UNEVEN = np.array([2e-5, 1e-3])
+# A member with less than this share of the other's residue is not driven.
+_NOT_DRIVEN = 1e-6
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
 # fifth of the error.
 _ROUNDS = 4
@@ -158,12 +160,15 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
     ]
     forces_rad = np.deg2rad([curve.frf.excitation_deg for curve in curves])
     found: list[dict[int, tuple[Complex, Complex]]] = [{} for _ in curves]
-    for order, first in rings[0].items():
+    for order, first in rings[0].items() if np.all(np.isfinite(forces_rad)) else ():
         away = order * forces_rad - first.seen.force_rad
         along = np.stack([np.cos(away), np.sin(away)], axis=1)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         pairs = [ring[order].pair for ring in rings]
         residues = np.array([pair.residues for pair in pairs if pair])  # (n_forces, members, 2)
+        size = np.linalg.norm(residues, axis=2).max(axis=0)
+        if not np.min(size) > _NOT_DRIVEN * np.max(size):
+            continue  # nothing is seen of a member
         strongest = residues[np.argmax(np.linalg.norm(residues, axis=2), axis=0), _BOTH]
         phase = np.exp(-0.5j * np.angle(np.sum(strongest**2, axis=1)))
         crest = (strongest * phase[:, None]).real
