@@ -254,7 +254,7 @@ def descend(
 def _shortest(point: SumOfSquares) -> tuple[Real, Real]:
     """Residuals and Jacobian with the rᵀr, Jᵀr and JᵀJ of a point, of n_parameters + 1 rows."""
     normal = point.normal_matrix()
-    size = np.sqrt(np.diag(normal))
+    size = np.sqrt(np.maximum(np.diag(normal), 0.0))  # rounding
     size[size == 0] = 1.0
     curvature, directions = np.linalg.eigh(normal / np.outer(size, size))
     root = np.sqrt(np.maximum(curvature, _NOT_SEEN * curvature[-1]))
