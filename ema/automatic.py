@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -114,31 +115,13 @@ def _of_ring(bases: Sequence[Basis]) -> tuple[Basis, ...]:
     """Orders of a ring from all forces, after the mass of the sensors with what they show of it."""
     alone = list(bases)
     curves, _ = joint_curves([each.fit.curve for each in alone])
-    for _ in range(_MASS_PASSES if any(_loads(each) for each in alone) else 0):
-        alone = [_bared(e, own) for e, own in zip(alone, across_forces(curves), strict=True)]
+    for _ in range(_MASS_PASSES if any(each.loads for each in alone) else 0):
+        alone = [e.across(own) for e, own in zip(alone, across_forces(curves), strict=True)]
         curves, _ = joint_curves([each.fit.curve for each in alone])
     return tuple(
         replace(each, fit=EditedFit(curve), by_itself=before)
         for each, curve, before in zip(alone, curves, bases, strict=True)
     )
-
-
-def _loads(basis: Basis) -> bool:
-    return basis.state.mass is not None and basis.state.mass.loads
-
-
-def _bared(basis: Basis, across: Across) -> Basis:
-    """The same with the mass of the sensors compensated by what all forces show of the pairs."""
-    if basis.state.mass is None or not basis.state.mass.loads:
-        return basis
-    state = replace(basis.state, mass=replace(basis.state.mass, across=across))
-    curve = basis.fit.curve.on(state.fitted)
-    return replace(basis, state=state, frf=state.fitted, fit=EditedFit(curve))
-
-
-def by_itself(basis: Basis) -> Basis:
-    """The identification against one of several forces, without what the others say."""
-    return basis.by_itself or basis
 
 
 def _wanted(edits: Sequence[Edit]) -> tuple[Wish, ...]:
@@ -209,6 +192,10 @@ class State:
     def fitted(self) -> FRF:
         """What is fitted."""
         return without_mass(self.usable, self.mass)
+
+    def knowing(self, **known: Any) -> State:
+        """The same with more that is known of the mass of the sensors, as of `SensorMass`."""
+        return replace(self, mass=self.mass and replace(self.mass, **known))
 
     def told(self, findings: Sequence[Finding]) -> State:
         """The same with more findings."""
@@ -285,6 +272,28 @@ class Basis:
         """The modes without edits of poles."""
         return self.stated(self.fit.model)
 
+    @property
+    def loads(self) -> bool:
+        """Whether sensors whose mass is compensated load the tyre."""
+        return bool(self.state.mass and self.state.mass.loads)
+
+    def on(self, state: State, poles: _Poles | None = None) -> Basis:
+        """Another fit, of FRFs corrected otherwise."""
+        diagram, fit = self.asked.fit(state.fitted, poles)
+        return replace(self, state=state, frf=state.fitted, diagram=diagram, fit=fit)
+
+    def across(self, across: Across) -> Basis:
+        """The same poles where the mass of the sensors is compensated by what pairs show."""
+        if not self.loads:
+            return self
+        state = self.state.knowing(across=across)
+        curve = self.fit.curve.on(state.fitted)
+        return replace(self, state=state, frf=state.fitted, fit=EditedFit(curve))
+
+    def is_better_than(self, other: Basis) -> bool:
+        """Whether corrections fit the FRFs better than those of another identification."""
+        return is_better((other.frf, other.fit.model), (self.frf, self.fit.model))
+
     def stated(self, model: ModalModel) -> ModalModel:
         """The modes of a fit as a result states them."""
         if self.loaded is not None:
@@ -302,52 +311,66 @@ class Basis:
 
 def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCheck) -> Basis:
     """Corrections that make the sensors consistent, FRFs of the bare tyre, and the fit."""
-    checks, passes = asked.checks, 0 if positions.hypothesis else _CONSISTENCY_PASSES
-    screened, mass, rough = state.usable, state.mass, None
-    if mass is not None and passes:
+    basis = _first_fit(state, asked, poles, trusted=not positions.hypothesis)
+    if not positions.hypothesis:
+        basis = _with_sensors_checked(basis)
+    basis = _with_known_pairs(_with_known_drift(basis))
+    if positions.unexplained > asked.checks.no_wave_share and not positions.hypothesis:
+        share = unexplained_share(basis.frf, asked.selected(basis.diagram), asked.band_hz)
+        return replace(basis, state=basis.state.told(no_wave_finding(share, asked.checks)))
+    return basis
+
+
+def _first_fit(state: State, asked: Asked, poles: _Poles, *, trusted: bool) -> Basis:
+    """The fit without the mass of the sensors, of which what is wrong is put right before."""
+    screened, loaded = state.usable, None
+    if state.mass is not None and trusted:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
-        rough = asked.fit(screened, (poles[0], replace(poles[1], pinned=True)))[1].model
-        check = state.checked(rough, checks, exclude=False)
+        pinned = poles[0], replace(poles[1], pinned=True)
+        loaded = asked.fit(state.usable, pinned)[1].model
+        check = state.checked(loaded, asked.checks, exclude=False)
         state = state.after(check) if check.changed else state
-    fitted = state.fitted
-    fit = asked.fit(fitted, poles if fitted is screened else None)
-    if mass is not None and rough is not None and is_drift_lost(rough, fit[1].model):
-        known = replace(state, mass=replace(mass, drift=rough.drift))
-        tried = asked.fit(known.fitted)
-        if is_better((fitted, fit[1].model), (known.fitted, tried[1].model)):
-            state, fitted, fit = known, known.fitted, tried
-    for _ in range(passes):
-        check = state.checked(fit[1].model, checks)
-        after = state.after(check)
-        if check.changed:
-            tried = asked.fit(after.fitted)
-            if not is_better((fitted, fit[1].model), (after.fitted, tried[1].model)):
-                state = state.told([withheld(check)])
-                break
-            fitted, fit = after.fitted, tried
-        state = after
+    known = poles if state.fitted is screened else None
+    basis = Basis(asked, state, state.fitted, *asked.fit(state.fitted, known), loaded=loaded)
+    if loaded is None or not is_drift_lost(loaded, basis.fit.model):
+        return basis
+    steady = basis.on(state.knowing(drift=loaded.drift))
+    return steady if steady.is_better_than(basis) else basis
+
+
+def _with_sensors_checked(basis: Basis) -> Basis:
+    """With the corrections of sensors that the modes ask for, while these make the fit better."""
+    for _ in range(_CONSISTENCY_PASSES):
+        check = basis.state.checked(basis.fit.model, basis.asked.checks)
+        state = basis.state.after(check)
         if not check.changed:
-            break
+            return replace(basis, state=state)
+        corrected_basis = basis.on(state)
+        if not corrected_basis.is_better_than(basis):
+            return replace(basis, state=basis.state.told([withheld(check)]))
+        basis = corrected_basis
+    return basis
+
+
+def _with_known_drift(basis: Basis) -> Basis:
+    """With the mass of the sensors compensated run by run as the tyre drifts."""
     for _ in range(_DRIFT_PASSES):
-        drift = fit[1].settled.drift
-        if state.mass is None or not state.mass.loads or not drift.applied:
+        drift = basis.fit.settled.drift
+        if not basis.loads or not drift.applied:
             break
-        state = replace(state, mass=replace(state.mass, drift=drift))
-        fitted, fit = state.fitted, asked.fit(state.fitted, (fit[0], asked.selected(fit[0])))
-    for _ in range(_MASS_PASSES):
-        if state.mass is None or not state.mass.loads:
+        state = basis.state.knowing(drift=drift)
+        basis = basis.on(state, (basis.diagram, basis.asked.selected(basis.diagram)))
+    return basis
+
+
+def _with_known_pairs(basis: Basis) -> Basis:
+    """With the mass of the sensors compensated by what the pairs show of the tyre."""
+    for _ in range(_MASS_PASSES if basis.loads else 0):
+        if not (across := across_forces([basis.fit.curve])[0]):
             break
-        if not (across := across_forces([fit[1].curve])[0]):
-            break
-        state = replace(state, mass=replace(state.mass, across=across))
-        fitted = state.fitted
-        curve = fit[1].curve.on(fitted)
-        curve.find_pairs()
-        fit = fit[0], EditedFit(curve)
-    if positions.unexplained > checks.no_wave_share and not positions.hypothesis:
-        share = unexplained_share(fitted, asked.selected(fit[0]), asked.band_hz)
-        state = state.told(no_wave_finding(share, checks))
-    return Basis(asked, state, fitted, *fit, loaded=rough)
+        basis = basis.across(across)
+        basis.fit.curve.find_pairs()
+    return basis
 
 
 @one_blas_thread

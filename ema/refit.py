@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ema.automatic import Basis, automatic_basis, by_itself, joint_bases
+from ema.automatic import Basis, automatic_basis, joint_bases
 from ema.checks.corrections import channel_edits, corrected, corrections_by_hand
 from ema.checks.sensor_mass import without_mass
 from ema.core.edits import Edit
@@ -97,13 +97,13 @@ def _of_several(found: Identification, edits: Sequence[Edit], *, live: bool) -> 
     by_force = edits_by_force([basis.state.measured for basis in bases], edits)
     alone = list[Basis]()
     for basis, own in zip(bases, by_force, strict=True):
-        each = by_itself(basis)
+        each = basis.by_itself or basis
         if not basis.is_of(own) or (basis.is_preview and not live):
             anew = _live_basis if live and basis.stated_deg is None else _whole_basis
             each = anew(each, own)
         alone.append(each)
     pairs = zip(alone, bases, strict=True)
-    stay = all(one.fit is by_itself(before).fit for one, before in pairs)
+    stay = all(one.fit is (before.by_itself or before).fit for one, before in pairs)
     return identified_jointly(bases if stay else joint_bases(alone), edits, live=live)
 
 

@@ -41,7 +41,8 @@ class SensorMass:
     own_kg : dict of str to ndarray
         Mass of each sensor in `sensors_deg`, where they differ.
     across : mapping
-        What several forces show of the pairs, see `ema.circumference.mass_loading.unloaded`.
+        What pairs show across the force, by order: poles and residues, see
+        `ema.circumference.mass_loading.Across`.
 
     Examples
     --------

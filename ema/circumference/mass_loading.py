@@ -18,6 +18,7 @@ from ema.core.modes import ModalModel, Mode, synthesise
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and residues of ss − cc
 
 # After each pass, what is left of the live mass is a tenth.
 _LIVE_PASSES = 2
@@ -32,9 +33,6 @@ _TORSION_HZ = 45.0
 _TYRE_ORDERS = 16
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
-
-
-Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and residues of ss − cc
 # How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
 # stiffness varies by 1 % around it, benchmarks/laboratory.py.
 _TURNED = 0.05
@@ -45,6 +43,12 @@ _FARTHEST = 2.0
 # Lines as clear as this share of the clearest one belong to the resonance.
 _RESONANT = 0.1
 _LINES_AT_ONCE = 200
+# Before the runs are asked, ss is known from the orientation of a pair to this share of cc (1 σ).
+_KNOWN = 0.1
+# It is not known where the weaker member has less than this share: its orientation does not show.
+_ONE_SIDED = 0.02
+# As `_KNOWN`, where both members of a pair are known.
+_SEEN_WHOLE = 0.03
 # Below this share of its middle the law of a drift is not continued.
 _LOWEST = 0.4
 
@@ -304,12 +308,6 @@ def _noise_of_lines(frf: FRF) -> Real:
     size = np.sqrt(np.mean(np.abs(frf.values) ** 2, axis=0))
     floor = np.maximum(_UNRESOLVED * size, 1e-12 * size.max())
     return np.asarray(np.fmax(np.median(frf.std, axis=0), floor))
-
-
-# Before the runs are asked, ss is known from the orientation of the pair to within this share of
-# cc, and not at all where the pair is driven so one-sidedly that its orientation does not show; to
-# the last one where several forces show both members.
-_KNOWN, _ONE_SIDED, _SEEN_WHOLE = 0.1, 0.02, 0.03
 
 
 def mass_push(

@@ -126,14 +126,13 @@ def as_seen(
     if not ring.is_resolved:
         member = ring.one_row
         at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)
-        own = pair.covariance[at, at] + np.diag(between**2)
         if member is not None:
-            own = own + np.diag(of_member + _to_mean(pair, member) ** 2)
+            unsure = of_member + _to_mean(pair, member) ** 2
         else:
-            own = own + np.diag(floor)
-            own = own + np.diag(_of_shares(pair) ** 2)
+            unsure = floor + _of_shares(pair) ** 2
             if ring.report.pair.chance < settings.pair_p_value:
-                own = own + np.diag(_to_stronger(pair))
+                unsure = unsure + _to_stronger(pair)
+        own = pair.covariance[at, at] + np.diag(between**2 + unsure)
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)

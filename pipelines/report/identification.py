@@ -179,7 +179,7 @@ def _orders(model: ModalModel) -> tuple[Block, ...]:
         "Every order n ≥ 1 of a tyre is a pair of modes, of which one shaker sees one combination. "
         "Each order's own FRFs (the part that goes with cos nθ and sin nθ) are fitted with both. "
         "Frequency and damping here are their mean as the force drives them; the table above shows "
-        "it, or both members where they are determined."
+        "both members where they are determined, else the one that is seen, else the mean."
     )
     return (Paragraph(text), Table("Orders one by one", head, rows, words=(1, 4)))
 
