@@ -85,9 +85,9 @@ def _read(
     place = origin.offset + _address(samples) - _address(origin) + start * step
     n_bytes = (into.size - 1) * step + size if into.size else 0
     stored = into if step == size else np.empty(n_bytes, np.uint8)
-    path = Path(str(origin.filename))
+    path = str(origin.filename)
     try:
-        with path.open("rb") as file:
+        with open(path, "rb") as file:  # noqa: PTH123 - a Path takes longer than the bytes
             file.seek(place)
             n_read = file.readinto(stored.view(np.uint8).data)
             now = stamp_of(os.fstat(file.fileno()))
@@ -106,10 +106,10 @@ def _address(array: NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
 
 
-def _gone(path: Path, found: str) -> RecordingFormatError:
+def _gone(path: str, found: str) -> RecordingFormatError:
     rule = "a recording stays as it is while it is read"
     remedy = "Process it again once nobody writes to it; check the drive or the network"
-    return RecordingFormatError(str(path), found, rule, remedy)
+    return RecordingFormatError(path, found, rule, remedy)
 
 
 def require_regular(path: Path) -> Path:

@@ -345,11 +345,15 @@ class ModalModel(ReadonlyArrays):
         >>> table["frequency_hz"].round().head(2).to_list()
         [79.0, 100.0]
         """
+        return frame_of(self.to_columns(), whole=("order",))
+
+    def to_columns(self) -> dict[str, list[Any]]:
+        """Columns of `to_frame` by name, without pandas, which takes 0.2 s to load."""
         columns = {
             name: [getattr(mode, attribute) for mode in self.modes]
             for name, attribute in self.columns.items()
         }
-        return frame_of({"mode": np.arange(1, len(self.modes) + 1), **columns}, whole=("order",))
+        return {"mode": list(range(1, len(self.modes) + 1)), **columns}
 
     def plot(self, ax: Any = None, *, mode: int | None = None) -> Any:
         """Draw the shapes of all modes, or of one, on axes of matplotlib, and return these.

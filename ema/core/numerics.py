@@ -74,22 +74,11 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return array
 
 
-def frame_of(
-    columns: Mapping[Any, Any],
-    whole: Sequence[str] = (),
-    texts: Mapping[str, Sequence[str]] | None = None,
-) -> pd.DataFrame:
-    """Table with a copy of each column.
-
-    Those in `whole` are integers, with None where unknown; those in `texts` hold numbers of these
-    texts, from 0, and become categories.
-    """
-    import pandas as pd  # takes 0.3 s, more than `import ema`: only those who want tables wait
+def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFrame:
+    """Table with a copy of each column; those in `whole` are integers, with None where unknown."""
+    import pandas as pd  # takes 0.2 s to load: only those who want a DataFrame wait
 
     def column(name: Any, values: Any) -> Any:
-        if texts and name in texts:
-            known: Any = list(texts[name])
-            return pd.Categorical.from_codes(values, known)
         if name in whole:
             return pd.array(values, dtype="Int64")
         return np.array(values) if isinstance(values, np.ndarray) else list(values)

@@ -121,9 +121,12 @@ class StabilityDiagram(ReadonlyArrays):
             ``order`` (of the model), ``frequency_hz``, ``damping_ratio``, ``stable_frequency``,
             ``stable_damping`` (true or false) and ``cluster`` (−1: none).
         """
+        return frame_of(self.to_columns())
+
+    def to_columns(self) -> dict[str, NDArray[Any]]:
+        """Columns of `to_frame` by name."""
         names = "frequency_hz", "damping_ratio", "stable_frequency", "stable_damping", "cluster"
-        columns = {name: getattr(self, name) for name in names}
-        return frame_of({"order": self.model_order, **columns})
+        return {"order": self.model_order, **{name: getattr(self, name) for name in names}}
 
     def plot(self, ax: Any = None) -> Any:
         """Draw poles over frequency and model order on axes of matplotlib, and return these."""

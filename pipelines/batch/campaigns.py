@@ -216,7 +216,7 @@ def _processed(task: Task) -> Record:
         designation="" if result.tyre is None else result.tyre.designation,
         inflation_pressure_pa=None if result.tyre is None else result.tyre.inflation_pressure_pa,
         n_warnings=sum(not finding.is_ok for finding in result.findings),
-        modes=tuple(plain_rows(result.modal_model.to_frame())),
+        modes=tuple(plain_rows(result.modal_model.to_columns())),
         parameters=tuple(
             (name, each.value, each.std, each.how)
             for name, each in tuned_parameters(result.tuning, result.damping).items()

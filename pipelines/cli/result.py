@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-from importlib import import_module
 from pathlib import Path
-from threading import Thread
 from typing import Annotated, Any
 
 from ema.core.display import band_text, counted, value_with_std
@@ -88,7 +86,6 @@ def process(
         _formats(figures, gif=gif)
         _require_possible(figures, out, pdf=pdf, xlsx=xlsx, force=force)
         record = () if edits is None else read_edits(edits)
-        _load_tables()
         with shown(quiet=quiet) as progress:
             result = run(source, options, progress.stage, progress.step, record)
             progress.stage("Writing the result …")
@@ -101,11 +98,6 @@ def process(
             _LOG.info("%s took %.2f s", stage, seconds)
         told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
         show(result, out, report=not no_report, **told)
-
-
-def _load_tables() -> None:
-    """Load pandas while recordings or results are read: only tables need it, at the end."""
-    Thread(target=import_module, args=("pandas",), daemon=True).start()
 
 
 def tune(
@@ -136,7 +128,6 @@ def tune(
     known = opt.ring_parameters("--given", given)
     looks = read_template(template, units)
     with reporting_outcome(result_folder):
-        _load_tables()
         result = retune(
             result_folder,
             objective,
@@ -177,7 +168,6 @@ def report(
     with reporting_outcome(result_folder):
         _formats(figures, gif=gif)
         _require_possible(figures, result_folder, pdf=pdf, xlsx=xlsx, force=force)
-        _load_tables()
         result = retune(result_folder, accept_changes=accept_changes)
         save(result, result_folder, pdf=pdf, xlsx=xlsx, force=True, template=looks)
         if figures is not None:
@@ -293,13 +283,13 @@ def _ring(tuning: TuningResult) -> dict[str, dict[str, Any]]:
 
 def _summary(result: Result, folder: Path, *, report: bool) -> dict[str, Any]:
     """Content of ``--json``."""
-    table, overall = result.modal_model.to_frame(), judge(result)
+    table, overall = result.modal_model.to_columns(), judge(result)
     return {
         "result": str(folder),
         "report": str(folder / REPORT) if report else None,
         "pdf": str(folder / PDF) if has(folder, PDF) else None,
         "xlsx": str(folder / WORKBOOK) if has(folder, WORKBOOK) else None,
-        "modes": [dict(zip(table.columns, row, strict=True)) for row in plain_rows(table)],
+        "modes": [dict(zip(table, row, strict=True)) for row in plain_rows(table)],
         "ring": {} if result.tuning is None else _ring(result.tuning),
         "overall": {
             "state": overall.state.value,

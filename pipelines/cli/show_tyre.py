@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import typer
 from numpy.typing import ArrayLike, NDArray
 
@@ -379,7 +378,7 @@ def _name(request: Request, what: str, path: Path) -> None:
 
 def write_columns(path: Path, columns: Columns, note: str = "") -> None:
     """Write columns as CSV, or as Parquet with a note, by the ending of `path`."""
-    write_table(path, pd.DataFrame(dict(columns)), {"note": note} if note else None)
+    write_table(path, columns, {"note": note} if note else None)
 
 
 def print_arrays(content: Mapping[str, Any]) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.linalg import orth
 
@@ -216,9 +215,10 @@ def comparison_record(found: ShapeComparison) -> dict[str, Any]:
 
 def write_table(found: ShapeComparison, path: Path) -> None:
     """Write best matches as CSV, followed by a column of MACs for each other mode."""
-    matches = pd.DataFrame([_record(found, match) for match in found.matches])
-    others = [f"mac_{other + 1}" for other in range(found.mac.shape[1])]
-    write_csv(path, matches.join(pd.DataFrame(found.mac, columns=others)))
+    others = {f"mac_{other}": column for other, column in enumerate(found.mac.T, 1)}
+    rows = [_record(found, match) for match in found.matches]
+    matches = {name: [row[name] for row in rows] for name in rows[0]}  # every mode has one
+    write_csv(path, matches | others)
 
 
 def _record(found: ShapeComparison, match: Match) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,7 @@ from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.result import Result
 from pipelines.results.tables import mode_name, named, row_names
 from pipelines.results.verdict import judge
-from pipelines.storage.tables import plain_rows
-
-if TYPE_CHECKING:
-    import pandas as pd
+from pipelines.storage.tables import Columns, plain_rows
 
 MEASURED, BOTH, NONE = "measured", "both", "none"
 X, Y, Z = 1, 2, 3  # direction codes of universal files
@@ -223,9 +220,9 @@ def _sheets(result: Result, ring: ParameterSet | None, frfs: Mapping[str, FRF]) 
         yield _of_table("Validation", found["validation.csv"])
     yield from _shapes(result)
     for title in ("Orders", "Other modes", "Corrections"):
-        table = found[f"{title.lower().replace(' ', '_')}.csv"]
-        if len(table):
-            yield _of_table(title, table)
+        sheet = _of_table(title, found[f"{title.lower().replace(' ', '_')}.csv"])
+        if sheet.rows:
+            yield sheet
     yield _of_table(_FINDINGS, found["quality.csv"])
     for name, frf in frfs.items():
         yield from _responses(name, frf)
@@ -260,7 +257,7 @@ def _summary(result: Result) -> _Sheet:
     return _Sheet(_SUMMARY, ("Result of", result.name), rows, ("", ""))
 
 
-def _of_table(title: str, table: pd.DataFrame) -> _Sheet:
+def _of_table(title: str, table: Columns) -> _Sheet:
     names = [str(name) for name in table]
     formats = [_by_ending(name, _FORMATS) for name in names]
     return _Sheet(title, [_title(name) for name in names], plain_rows(table), formats)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from scipy.io import savemat
 from ema.core.display import jsonable
 from ema.core.errors import InputError, escaped, unknown
 from ema.core.modes import Mode
-from ema.core.numerics import frame_of
 from ema.io.uff import write as uff
 from ema.io.uff.reader import SYNTHESISED
 from pipelines.export.data import (
@@ -37,9 +36,6 @@ from pipelines.results.tables import in_band
 from pipelines.storage.atomic import file_written_whole, require_free_file, written_whole
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.tables import write_csv
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FRF_CHOICES = (BOTH, MEASURED, SYNTHESISED, NONE)
 FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
@@ -294,16 +290,15 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     write = partial(write_csv, decimal_comma=found.decimal_comma)
     points = dict(zip(("x_m", "y_m", "z_m"), geometry.xyz_m.T, strict=True))
     nodes = {"node": geometry.node, "position_deg": geometry.position_deg, **points}
-    write(folder / "nodes.csv", frame_of(nodes))
+    write(folder / "nodes.csv", nodes)
     write(folder / "modes.csv", _modes(found))
     write(folder / "shapes.csv", _shapes(found))
     for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
         if frf is not None:
             parts = np.ascontiguousarray(frf.values.T).view(np.float64)
-            columns = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
-            cells = np.column_stack([frf.frequency_hz, parts])
-            table = frame_of(dict(enumerate(cells.T))).set_axis(["frequency_hz", *columns], axis=1)
-            write(folder / f"frf_{name}.csv", table)
+            names = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
+            cells = dict(zip(names, parts.T, strict=True))
+            write(folder / f"frf_{name}.csv", {"frequency_hz": frf.frequency_hz, **cells})
     about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
     about |= {"force_node": geometry.reference_node, "units": UNITS}
     write_marker(folder / FOLDER_MARKER, about)
@@ -316,7 +311,7 @@ def write_xlsx(found: ModalExport, path: Path) -> None:
     write_workbook(path, found.result, found.ring, known)
 
 
-def _modes(found: ModalExport) -> pd.DataFrame:
+def _modes(found: ModalExport) -> dict[str, Any]:
     """The modes; complex columns as two."""
     columns: dict[str, Any] = {}
     for name, values in mode_columns(found).items():
@@ -324,22 +319,22 @@ def _modes(found: ModalExport) -> pd.DataFrame:
             columns |= {f"{name}_real": values.real, f"{name}_imag": values.imag}
         else:
             columns[name] = values
-    columns["order"] = [mode.order for mode in found.modes]
-    return frame_of(columns, whole=("order",))
+    return columns | {"order": [mode.order for mode in found.modes]}
 
 
-def _shapes(found: ModalExport) -> pd.DataFrame:
+def _shapes(found: ModalExport) -> dict[str, Any]:
     geometry, n_modes = found.geometry, len(found.modes)
     measured = slice(geometry.n_measured)
     shapes = np.concatenate(found.shapes).astype(complex)
     repeat = np.repeat(np.arange(n_modes), geometry.n_measured)
-    columns = {
+    return {
         "mode": repeat + 1,
         "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
         "node": np.tile(geometry.node[measured], n_modes),
         "position_deg": np.tile(geometry.position_deg[measured], n_modes),
+        "real": shapes.real,
+        "imag": shapes.imag,
     }
-    return frame_of({**columns, "real": shapes.real, "imag": shapes.imag})
 
 
 def write_uff(found: ModalExport, path: Path) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from ema.core.display import DASH, number, signed, value_with_std
@@ -93,14 +92,14 @@ class NumberTable:
         return Table(self.caption, titles, rows, words)
 
     @property
-    def frame(self) -> pd.DataFrame:
+    def file_columns(self) -> dict[str, Values]:
         """The table for a file; standard deviations are separate columns."""
         columns: dict[str, Values] = {}
         for column in self.columns:
             columns[column.name] = column.values
             if column.std is not None:
                 columns[f"{column.name}_std"] = column.std
-        return pd.DataFrame(columns)
+        return columns
 
 
 @dataclass(frozen=True)

@@ -214,7 +214,7 @@ def write_paper(
     with written_whole(folder, force=force, marker=FOLDER_MARKER) as partial:
         for part in (*parts, statements_table(chapters)):
             if isinstance(part, NumberTable):
-                write_csv(partial / f"{part.name}.csv", part.frame)
+                write_csv(partial / f"{part.name}.csv", part.file_columns)
         for name, picture in pictures.items():
             (partial / f"{name}.png").write_bytes(picture)
         page = paper_page(chapters, result, pictures)

@@ -326,10 +326,12 @@ class Result:
             ``run``, ``channel``, ``position_deg`` (degrees, missing where a finding is about no
             position), ``check``, ``verdict`` (ok, warning or excluded) and ``detail``.
         """
+        return frame_of(self.to_columns())
+
+    def to_columns(self) -> dict[str, list[Any]]:
+        """Columns of `to_frame` by name."""
         names = "run", "channel", "position_deg", "check", "verdict", "detail"
-        return frame_of(
-            {name: [getattr(finding, name) for finding in self.findings] for name in names}
-        )
+        return {name: [getattr(finding, name) for finding in self.findings] for name in names}
 
     def save(self, folder: Path | str, **options: Any) -> None:
         """Write a result folder, as `ringmodal.save` with the same options."""

@@ -24,7 +24,6 @@ from ema.core.files import require_regular
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.modes import ModalModel, Mode, ResidualTerms
-from ema.core.numerics import frame_of
 from ema.core.recording import FORCE, Channel
 from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
@@ -36,7 +35,7 @@ from pipelines.results.result import Result, Setup, Stored
 from pipelines.results.tables import in_band, read_frfs, write_frfs
 from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
-from pipelines.storage.tables import Table, write_parquet
+from pipelines.storage.tables import Table, repeating, write_parquet
 
 JSON_NAME = "identification.json"
 RESIDUES_NAME = "residues.parquet"
@@ -146,7 +145,7 @@ def write_identification(result: Result, folder: Path) -> None:
     columns |= {f"imag_{r}": mode.residues.imag for r, mode in enumerate(modes)}
     columns |= {f"std_{r}": mode.residues_std for r, mode in enumerate(modes)}
     columns |= {"lower": terms.lower, "upper": terms.upper, "row": np.arange(terms.lower.size)}
-    write_parquet(folder / RESIDUES_NAME, frame_of(columns))
+    write_parquet(folder / RESIDUES_NAME, columns)
 
 
 def _about_rows(frf: FRF) -> dict[str, Any]:
@@ -191,8 +190,7 @@ def _write_forces(every: Sequence[FRF], path: Path) -> None:
     if np.array_equal(force.astype(np.float32), force):
         force = force.astype(np.float32)
     number = np.repeat(np.arange(len(samples)), [each.size for each in samples.values()])
-    columns = {"run": number, "force_n": force}
-    write_parquet(path, frame_of(columns, texts={"run": list(samples)}))
+    write_parquet(path, {"run": repeating(number, list(samples)), "force_n": force})
 
 
 def _samples(record: ForceRecord) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from itertools import takewhile
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,16 +19,12 @@ from ema.core.display import signed
 from ema.core.errors import visible_line
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, ModalModel, Mode, OrderReport
-from ema.core.numerics import frame_of
 from ema.core.references import References
 from ema.io.uff.reader import OF_A_RESULT
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
 from pipelines.results.result import OtherMode, Result, Validation
-from pipelines.storage.tables import Table, write_parquet
-
-if TYPE_CHECKING:
-    import pandas as pd
+from pipelines.storage.tables import Columns, Table, repeating, write_parquet
 
 # Keys of [tyre] in the order of a test report.
 KNOWN = (
@@ -230,46 +226,45 @@ def _mean_by_column(values: NDArray[np.float64], width: int) -> NDArray[np.float
     return np.asarray(np.divide(total, known, out=mean, where=known > 0))
 
 
-def csv_tables(result: Result) -> dict[str, pd.DataFrame]:
+def csv_tables(result: Result) -> dict[str, Columns]:
     """Tables of a result folder that are CSV, by file name."""
     several = {"references.csv": references(result)} if result.references else {}
     return several | {
-        "modes.csv": result.modal_model.to_frame(),
+        "modes.csv": result.modal_model.to_columns(),
         "shapes.csv": shapes(result),
         "orders.csv": orders(result.modal_model.orders),
-        "quality.csv": result.to_frame(),
+        "quality.csv": result.to_columns(),
         "corrections.csv": corrections(result.corrections),
         "other_modes.csv": other_modes(result.other_modes),
         "validation.csv": validation(result.validation),
     }
 
 
-def shapes(result: Result) -> pd.DataFrame:
+def shapes(result: Result) -> Columns:
     """``shapes.csv``: a row for each mode and position (on a circle) or node (elsewhere)."""
     frf, modes = result.frf, result.modal_model.modes
     place = "position_deg" if np.all(np.isfinite(frf.position_deg)) else "node"
     shape = np.concatenate([np.zeros(0), *(mode.shape for mode in modes)])
     directions = np.array(_DIRECTIONS)[frf.axis.clip(0, 3)]
     several = {"direction": np.tile(directions, len(modes))} if len(set(frf.axis)) > 1 else {}
-    columns = {
+    return {
         "mode": np.repeat(np.arange(1, len(modes) + 1), frf.n_positions),
         place: np.tile(getattr(frf, place), len(modes)),
         "real": shape.real,
         "imag": shape.imag,
         **several,
     }
-    return frame_of(columns)
 
 
-def orders(reports: tuple[OrderReport, ...]) -> pd.DataFrame:
+def orders(reports: tuple[OrderReport, ...]) -> Columns:
     """``orders.csv``: each order by itself, and the verdict on its pair."""
-    return frame_of({name: map(attrgetter(part), reports) for name, part in _ORDERS.items()})
+    return {name: list(map(attrgetter(part), reports)) for name, part in _ORDERS.items()}
 
 
-def references(result: Result) -> pd.DataFrame:
+def references(result: Result) -> Columns:
     """``references.csv``: a row for each of several forces and each mode that it drives."""
     found = [(each, result.modal_model.modes[each.mode - 1]) for each in result.references]
-    columns = {
+    return {
         "reference": [each.reference for each, _ in found],
         "position_deg": [each.position_deg for each, _ in found],
         "node": [each.node for each, _ in found],
@@ -283,35 +278,33 @@ def references(result: Result) -> pd.DataFrame:
         "participation_real": [each.participation[0] for each, _ in found],
         "participation_imag": [each.participation[1] for each, _ in found],
     }
-    return frame_of(columns, whole=("order",))
 
 
-def corrections(changes: tuple[Correction, ...]) -> pd.DataFrame:
+def corrections(changes: tuple[Correction, ...]) -> Columns:
     """``corrections.csv``: a row for each FRF that is not fitted as measured."""
     names = [each.name for each in fields(Correction)]
-    return frame_of({name: [getattr(each, name) for each in changes] for name in names})
+    return {name: [getattr(each, name) for each in changes] for name in names}
 
 
-def other_modes(found: tuple[OtherMode, ...]) -> pd.DataFrame:
+def other_modes(found: tuple[OtherMode, ...]) -> Columns:
     """``other_modes.csv``: a row for each mode that tangential or axial sensors show."""
-    columns = {name: [getattr(mode, part) for mode in found] for name, part in _OTHER.items()}
-    return frame_of(columns, whole=("order",))
+    return {name: [getattr(mode, part) for mode in found] for name, part in _OTHER.items()}
 
 
-def validation(found: Validation | None) -> pd.DataFrame:
+def validation(found: Validation | None) -> Columns:
     """``validation.csv``: a row for each order; none where the ring steps were left out."""
     if found is None:
-        return frame_of(dict.fromkeys(_VALIDATION, ()))
+        return dict.fromkeys(_VALIDATION, ())
     columns = {name: getattr(found, name) for name in _VALIDATION}
-    return frame_of({**columns, "mac": np.diag(found.mac)})
+    return {**columns, "mac": np.diag(found.mac)}
 
 
-def poles(diagram: StabilityDiagram) -> pd.DataFrame:
+def poles(diagram: StabilityDiagram) -> Columns:
     """``poles.parquet``: every pole of every model order, in the order it was found."""
-    return diagram.to_frame().assign(row=np.arange(diagram.cluster.size))
+    return {**diagram.to_columns(), "row": np.arange(diagram.cluster.size)}
 
 
-def frfs(*every: FRF, numbers: tuple[int, ...] = ()) -> pd.DataFrame:
+def frfs(*every: FRF, numbers: tuple[int, ...] = ()) -> Columns:
     """``frf.parquet`` and ``reference.parquet``, position by position, force after force.
 
     `numbers` are those of the forces, by default 1, 2, …; a column where there are others than 1.
@@ -334,12 +327,15 @@ def frfs(*every: FRF, numbers: tuple[int, ...] = ()) -> pd.DataFrame:
         **{name: of_lines(name).astype(np.float32) for name in ("coherence", "std")},
         "axis": np.repeat(of_rows("axis").astype(np.int8), n_lines),
         "row": np.repeat(np.arange(n_lines.size, dtype=np.int32), n_lines),
-        **{name: np.repeat(number, n_lines) for name, (_, number) in named.items()},
+        **{
+            name: repeating(np.repeat(number, n_lines), known.tolist())
+            for name, (known, number) in named.items()
+        },
     }
     if numbers != (1,):
         force = np.repeat(numbers, [f.n_positions for f in every])
         columns["reference"] = np.repeat(force, n_lines)
-    return frame_of(columns, texts={name: known.tolist() for name, (known, _) in named.items()})
+    return columns
 
 
 def write_frfs(every: Sequence[FRF], folder: Path) -> None:
