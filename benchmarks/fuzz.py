@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from fuzz_formats import NAMES, PLAIN_MEMORY
+from fuzz_files import NAMES, PLAIN_MEMORY
 
 HERE = Path(__file__).resolve().parent
 _MEMORY_DISK = "/dev/shm" if Path("/dev/shm").is_dir() else None

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 from fuzz_command_edits import (
+    ODD_TEXTS,
+    changed,
     edit_csv,
     edit_file,
     edit_tir,
@@ -19,11 +21,10 @@ from fuzz_command_edits import (
     seal_again,
     spoiled,
     strange,
+    toml_text,
 )
 from fuzz_command_seeds import WRITERS
-from fuzz_command_values import ODD_TEXTS, changed, toml_text
-from fuzz_formats import CORPUS
-from fuzz_mutations import mutate
+from fuzz_files import CORPUS, mutate
 
 GOOD_SHARE = 0.35
 FOREIGN = (".notes.txt", "thesis.txt", ".git/HEAD")  # the user's own, in a result folder

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 import typer
+from fuzz_command_edits import BAD_NUMBERS, ODD_TEXTS
 from fuzz_command_inputs import Inputs
-from fuzz_command_values import BAD_NUMBERS, ODD_TEXTS
 
 # Commands that do not end by themselves, and options that change the shell of whoever runs this.
 _NEVER = frozenset({"review", "--install-completion"})

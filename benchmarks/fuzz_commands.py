@@ -30,11 +30,10 @@ os.environ["ARROW_DEFAULT_MEMORY_POOL"] = "system"
 os.environ["MPLBACKEND"] = "Agg"
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from fuzz_command_child import STREAMS, Usage, run_command  # noqa: E402
 from fuzz_command_inputs import Inputs  # noqa: E402
 from fuzz_command_lines import Line, Lines  # noqa: E402
 from fuzz_command_seeds import make_seeds  # noqa: E402
-from fuzz_command_verdict import faults, place_of, snapshot  # noqa: E402
+from fuzz_command_verdict import STREAMS, Usage, faults, place_of, run_command, snapshot  # noqa: E402
 
 _MEMORY_DISK = "/dev/shm" if Path("/dev/shm").is_dir() else None
 _PLAIN_SHARE = 0.85

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from fuzz_formats import BESIDE, CORPUS
+from fuzz_files import BESIDE, CORPUS
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 import scenarios_binary as binary

@@ -25,8 +25,7 @@ from pathlib import Path
 
 import atheris
 import pyarrow as pa
-from fuzz_formats import CORPUS, NAMES, beside
-from fuzz_mutations import mutate
+from fuzz_files import CORPUS, NAMES, beside, mutate
 
 with atheris.instrument_imports(include=["ema", "pipelines", "pyuff", "nptdms", "tomllib"]):
     import nptdms  # noqa: F401  a reader loads it when needed, which is too late to instrument it
