@@ -28,7 +28,6 @@ from pipelines.results.options import Units, with_unit
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.verdict import basis_records
 from pipelines.simulate import responses
-from pipelines.simulate import truth as tyres
 from pipelines.storage.tables import write_table
 
 FEW_WARNINGS = 5  # printed
@@ -266,7 +265,7 @@ Columns = Mapping[str, NDArray[Any]]
 class Request:
     """A tyre to simulate, files to write, and whether JSON is printed."""
 
-    tyre: tyres.SimulatedTyre
+    tyre: responses.SimulatedTyre
     table: Path | None
     figure: Path | None
     as_json: bool
@@ -279,10 +278,10 @@ class Request:
 
 def frequencies(found: Bifurcation, frame: str, request: Request) -> None:
     """Show natural frequencies over speed."""
-    for sentence in tyres.instabilities(found):
+    for sentence in responses.instabilities(found):
         echo_error(sentence)
-    columns = tyres.frequency_columns(found)
-    _write(request, columns, tyres.frequency_lists(found))
+    columns = responses.frequency_columns(found)
+    _write(request, columns, responses.frequency_lists(found))
     if request.screen:
         shown = {name: columns[name] for name in list(columns)[:4]}
         places = {"speed_rad_s": 2, "regressive_hz": 3, "progressive_hz": 3}
@@ -346,13 +345,13 @@ def loaded(found: responses.LoadedSweep, request: Request) -> None:
 def hub(found: HubResponse, forced: ForcedRing, request: Request) -> None:
     """Show forces and moment at the hub, and frequencies of a free wheel."""
     wheel = forced.wheel
-    columns = tyres.hub_columns(found, free=wheel is not None)
+    columns = responses.hub_columns(found, free=wheel is not None)
     _write(request, columns, columns)
     if request.screen:
         places = {"largest": 4, "frequency_hz": 3}
-        _print_rows("Largest at the hub per N on the belt", tyres.largest_at_hub(found), places)
+        _print_rows("Largest at the hub per N on the belt", responses.largest_at_hub(found), places)
         if wheel is not None:
-            roots = tyres.free_frequencies(forced.ring, wheel, forced.speed_rad_s)
+            roots = responses.free_frequencies(forced.ring, wheel, forced.speed_rad_s)
             _print_rows("Undamped, with the free wheel, seen from the tyre", roots, places)
     _write_picture(request, ring_plots.hub_plot(found))
 

@@ -26,7 +26,12 @@ from pipelines.simulate import responses
 from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.laboratory import simulate_laboratory
 from pipelines.simulate.laboratory_effects import effects_of
-from pipelines.simulate.truth import damping_of, simulate_frequencies, tyre_to_simulate, wheel_of
+from pipelines.simulate.responses import (
+    damping_of,
+    simulate_frequencies,
+    tyre_to_simulate,
+    wheel_of,
+)
 
 simulate = group("Ring model: frequencies, forced vibration, virtual measurements.")
 

@@ -13,7 +13,7 @@ from scipy.integrate import trapezoid
 from model import Bifurcation, ForcedRing, inertance, loaded_frequencies_hz, natural_frequencies_hz
 from model.parameters import TABLE_4_RING, TABLE_5_DAMPING
 from pipelines.cli import show_tyre
-from pipelines.simulate.truth import tyre_to_simulate
+from pipelines.simulate.responses import tyre_to_simulate
 
 # Table 4 with 2.2 bar at 80 km/h, rotating frame
 REGRESSIVE_HZ = [86.219, 110.131, 131.392, 155.142, 181.178, 208.974, 238.167]
