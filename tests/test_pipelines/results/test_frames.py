@@ -1,11 +1,11 @@
-"""Tables of pandas: the numbers of the objects, and files with the same digits."""
+"""Tables: the numbers of the objects, and files with the same digits, from columns or pandas."""
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from pipelines.storage.tables import plain_rows, write_csv, write_parquet, write_table
+from pipelines.storage.tables import plain_rows, repeating, write_csv, write_parquet, write_table
 
 
 def test_modes_are_a_table(short_result):
@@ -63,13 +63,34 @@ def test_csv_keeps_every_digit_and_whole_numbers(tmp_path):
     bits = np.random.default_rng(5).integers(0, 2**63, 5000, dtype=np.int64)
     values = bits.view(np.float64)
     values = values[np.isfinite(values)]
-    write_csv(tmp_path / "a.csv", pd.DataFrame({"x": values}))
+    write_csv(tmp_path / "a.csv", {"x": values})
     cells = (tmp_path / "a.csv").read_text(encoding="utf-8").split()[1:]
     assert cells == [repr(value) for value in values.tolist()]
     rows = [(1, None, 0.1 + 0.2), (None, float("nan"), 3)]
     write_csv(tmp_path / "b.csv", pd.DataFrame(rows, columns=["a", "b", "c"], dtype=object))
     content = (tmp_path / "b.csv").read_text(encoding="utf-8")
     assert content == "a,b,c\n1,,0.30000000000000004\n,,3\n"
+
+
+def test_a_decimal_comma_changes_numbers_alone(tmp_path):
+    table = {"x": np.array([0.5, np.nan]), "n": [1, None], "text": ["1.5", "a;b"]}
+    write_csv(tmp_path / "a.csv", table, decimal_comma=True)
+    content = (tmp_path / "a.csv").read_text(encoding="utf-8-sig")
+    assert content == 'x;n;text\n0,5;1;1.5\n;;"a;b"\n'
+
+
+def test_columns_in_parquet_are_those_of_a_data_frame(tmp_path):
+    columns = {
+        "x": np.array([[1.0, 9.0], [2.0, 9.0]])[:, 0],  # not side by side in memory
+        "stable": np.array([True, False]),
+        "row": np.arange(2, dtype=np.int32),
+        "order": [1, None],
+    }
+    write_parquet(tmp_path / "a.parquet", columns | {"run": repeating(np.array([1, 0]), "äb")})
+    frame = pd.DataFrame(columns | {"order": pd.array([1, None], dtype="Int64")})
+    frame["run"] = pd.Categorical(["b", "ä"], ["ä", "b"])
+    write_parquet(tmp_path / "b.parquet", frame)
+    assert pq.read_table(tmp_path / "a.parquet").equals(pq.read_table(tmp_path / "b.parquet"))
 
 
 def test_texts_in_csv_are_inert(tmp_path):
