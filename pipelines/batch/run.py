@@ -45,17 +45,17 @@ from pipelines.results.options import Options
 from pipelines.results.provenance import PAGES, is_as_written
 from pipelines.results.tables import MODES, short
 from pipelines.storage.atomic import file_written_whole
-from pipelines.storage.tables import write_table
+from pipelines.storage.tables import typed, write_table
 
 _FREQUENCY, _ORDER = MODES.index("frequency_hz"), MODES.index("order")
 PARAMETERS = ("parameter", "value", "std", "how")
-_OF_CAMPAIGN = {"campaign": "string", "designation": "string", "inflation_pressure_pa": "Float64"}
+_OF_CAMPAIGN = {"campaign": "string", "designation": "string", "inflation_pressure_pa": "float64"}
 _TEXT = ("member", "status", "pair", "name", "chosen", "parameter", "how")
 _WHOLE = ("mode", "order")
 _CAMPAIGNS = {
     **_OF_CAMPAIGN,
-    **{"status": "string", "message": "string", "seconds": "Float64"},
-    **{"n_modes": "Int32", "n_warnings": "Int32", "fingerprint": "string", "traceback": "string"},
+    **{"status": "string", "message": "string", "seconds": "float64"},
+    **{"n_modes": "int32", "n_warnings": "int32", "fingerprint": "string", "traceback": "string"},
 }
 _ROOM = 0.6  # share of the distance between two orders that the points of all tyres take
 
@@ -98,12 +98,12 @@ def campaign_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
 
 
 def _types(columns: Sequence[str]) -> dict[str, str]:
-    texts, whole = dict.fromkeys(_TEXT, "string"), dict.fromkeys(_WHOLE, "Int32")
-    return {**_OF_CAMPAIGN, **{name: (texts | whole).get(name, "Float64") for name in columns}}
+    texts, whole = dict.fromkeys(_TEXT, "string"), dict.fromkeys(_WHOLE, "int32")
+    return {**_OF_CAMPAIGN, **{name: (texts | whole).get(name, "float64") for name in columns}}
 
 
 def _write_rows(path: Path, types: Mapping[str, str], rows: Sequence[tuple[Any, ...]]) -> None:
-    write_table(path, pd.DataFrame(rows, columns=list(types), dtype=object).astype(dict(types)))
+    write_table(path, typed((dict(zip(types, row, strict=True)) for row in rows), types))
 
 
 def write_summary(

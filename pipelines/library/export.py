@@ -8,8 +8,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from ema.core.display import jsonable
 from ema.core.errors import escaped, unknown
 from pipelines.export.belt import write_modal_targets
@@ -63,7 +61,7 @@ def write_csv(parameters: ParameterSet, path: Path) -> None:
     rows: list[tuple[Any, ...]] = [("", "designation", parameters.designation, None, "")]
     for section, entries in sections.items():
         rows += [(section, name, each.value, each.std, each.how) for name, each in entries.items()]
-    tables.write_csv(path, pd.DataFrame(rows, columns=COLUMNS, dtype=object))
+    tables.write_csv(path, dict(zip(COLUMNS, zip(*rows, strict=True), strict=True)))
 
 
 #: Writers by the name of their format: each takes a parameter set and the file to write.
@@ -122,8 +120,7 @@ def version_rows(
 def write_table(path: Path, rows: Sequence[Row], *, wide: bool = False) -> None:
     """Write rows as CSV or Parquet, by the ending of `path`; written atomically."""
     columns = WIDE if wide else LONG
-    table = pd.DataFrame(rows, columns=list(columns), dtype=object)
-    tables.write_table(path, table.astype({name: _type_of(name) for name in columns}))
+    tables.write_table(path, tables.typed(rows, {name: _type_of(name) for name in columns}))
 
 
 def _of_version(version: Version, *, approved: bool) -> Row:
@@ -146,4 +143,4 @@ def _of_version(version: Version, *, approved: bool) -> Row:
 def _type_of(name: str) -> str:
     if name in (*_TEXTS, "parameter", "how", "verdict") or name.endswith("_how"):
         return "string"
-    return {"version": "Int32", "approved": "boolean"}.get(name, "Float64")
+    return {"version": "int32", "approved": "bool"}.get(name, "float64")

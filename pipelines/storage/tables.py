@@ -1,15 +1,15 @@
 """Tables as files: columns by name written as CSV and Parquet; Parquet read with checks.
 
-A table is a dictionary of columns, or a DataFrame, which is one too. Results are written without
-pandas, which takes 0.2 s to load.
+A table is a dictionary of columns: arrays, lists, or Arrow's own. pandas takes 0.2 s to load, and
+`pyarrow.array` loads it to look at its argument: results are written without both.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -20,10 +20,7 @@ from ema.core.errors import InputError, inert
 from ema.core.files import require_regular
 from pipelines.storage.atomic import file_written_whole
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Columns: TypeAlias = "Mapping[str, Any] | pd.DataFrame"
+Columns = Mapping[str, Any]
 
 # Columns that repeat few values; to search the others for repetitions takes most of the time.
 _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
@@ -34,14 +31,21 @@ LARGEST = 1e30
 
 def plain_rows(table: Columns) -> list[tuple[Any, ...]]:
     """Rows of a table for JSON: Python's own types, None for unknown values."""
-    return list(zip(*(_cells(column) for _, column in table.items()), strict=True))
+    return list(zip(*map(_cells, table.values()), strict=True))
 
 
 def _cells(column: Any) -> list[Any]:
-    if hasattr(column, "notna"):  # of pandas, whose own unknown equals nothing
-        column = column.astype(object).where(column.notna(), None)
     values = column.tolist() if hasattr(column, "tolist") else column
     return [None if value != value else value for value in values]
+
+
+def typed(rows: Iterable[Mapping[str, Any]], types: Mapping[str, str]) -> Columns:
+    """Columns of these types of Arrow; what a row does not have, and NaN, is null."""
+    table = list(rows)
+    return {
+        name: pa.array([row.get(name) for row in table], kind, from_pandas=True)
+        for name, kind in types.items()
+    }
 
 
 def write_table(path: Path, table: Columns, metadata: Mapping[str, str] | None = None) -> None:
@@ -74,11 +78,8 @@ def write_csv(path: Path, table: Columns, *, decimal_comma: bool = False) -> Non
 
 
 def write_parquet(path: Path, table: Columns, metadata: Mapping[str, str] | None = None) -> None:
-    """Write a table as Parquet.
-
-    NaN stays NaN; None, and a missing value of a nullable column of pandas, becomes null.
-    """
-    columns = {str(name): _arrow(column) for name, column in table.items()}
+    """Write a table as Parquet; NaN stays NaN, None becomes null."""
+    columns = {name: _arrow(column) for name, column in table.items()}
     content = pa.table(columns).replace_schema_metadata(dict(metadata or {}))
     repeated = [
         name
@@ -101,19 +102,11 @@ def _arrow(column: Any) -> pa.Array:
         return column
     if isinstance(column, np.ndarray) and column.dtype.kind in "biuf":
         return _numbers(column)
-    if not hasattr(column, "array"):
-        return pa.array(column)
-    if hasattr(column, "cat"):
-        return repeating(column.cat.codes.to_numpy(), column.cat.categories)
-    if isinstance(column.dtype, np.dtype) and column.dtype != object:
-        return pa.array(column.to_numpy())
-    if column.dtype.kind in "biufc":
-        return pa.array(column.array)
-    return pa.array(column.tolist(), pa.string(), from_pandas=True)
+    return pa.array(column)
 
 
 def _numbers(values: NDArray[Any]) -> pa.Array:
-    """Arrow's view of an array; `pyarrow.array` loads pandas to look at it."""
+    """Arrow's view of an array."""
     bits = np.packbits(values, bitorder="little") if values.dtype == bool else values
     buffer = pa.py_buffer(np.ascontiguousarray(bits))
     return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), values.size, [None, buffer])
