@@ -104,15 +104,7 @@ def kept_rows(frf: FRF, corrections: Iterable[Correction]) -> NDArray[np.int_]:
 def followed_by(
     frf: FRF, first: tuple[Correction, ...], then: tuple[Correction, ...]
 ) -> tuple[Correction, ...]:
-    """Corrections of the FRFs as measured for those of what `first` made of them.
-
-    Parameters
-    ----------
-    frf : FRF
-        As measured.
-    first, then : tuple of Correction
-        Rows of `then` count what `first` left.
-    """
+    """Corrections of the FRFs as measured; the rows of `then` count what `first` left of them."""
     kept = [int(row) for row in kept_rows(frf, first)]
     known = {each.row: each for each in first}
     changed = dict(known)
@@ -141,20 +133,11 @@ def corrections_by_hand(
 ) -> tuple[tuple[Correction, ...], tuple[Finding, ...]]:
     """Corrections that a person decided on, and a finding for each.
 
-    Factors of one row multiply; of leaving out and bringing back the last one counts.
+    The FRFs are as measured, with all rows; all edits are given, so that an error tells which one
+    it is. Factors of one row multiply; of leaving out and bringing back the last one counts.
 
-    Parameters
-    ----------
-    frf : FRF
-        As measured, with all rows.
-    edits : sequence of Edit
-        All of them: an error tells which one it is.
-
-    Raises
-    ------
-    InputError
-        For a channel or run that the FRFs do not have, a run that was averaged with others, and
-        where no row is left.
+    `InputError` for a channel or run that the FRFs do not have, a run that was averaged with
+    others, and where no row is left.
     """
     made: dict[int, Correction] = {}
     said: dict[int, list[str]] = {}
@@ -234,28 +217,12 @@ def screen(
 ) -> tuple[FRF, list[Finding], tuple[Correction, ...]]:
     """Leave out channels that are dead, clipped, incoherent or full of gaps; remark on hum.
 
-    Parameters
-    ----------
-    frf : FRF
-    band_hz : tuple of float
-        Band in which the channels are judged.
-    settings : CheckSettings
-    decided : container of int
-        Rows that a person decided on: what speaks against them is told, and they are used.
+    Channels are judged in the band. Of the rows that a person `decided` on, what speaks against
+    them is told, and they are used. Returned are the usable FRFs, a finding for everything that is
+    not in order, and the corrections that leave the usable ones of all FRFs.
 
-    Returns
-    -------
-    usable : FRF
-        Without the excluded rows.
-    findings : list of Finding
-        One for everything that is not in order.
-    exclusions : tuple of Correction
-        What makes `usable` of `frf`.
-
-    Raises
-    ------
-    InputError
-        If no channel is usable, or most places were averaged from runs that contradict each other.
+    `InputError` if no channel is usable, or most places were averaged from runs that contradict
+    each other.
     """
     faults = {
         **_incoherent(frf, band_hz, settings),

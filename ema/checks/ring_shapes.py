@@ -12,7 +12,7 @@ from ema.circumference.orders import highest_order, on_circle, order_basis, orde
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel, Mode
-from ema.core.numerics import readonly
+from ema.core.numerics import ReadonlyArrays
 from ema.core.settings import CHECKS, CheckSettings
 
 # Share by which a healthy sensor may miss a pure wave of RMS 1, per quadrature: half a degree of
@@ -42,29 +42,15 @@ _STEP_DEG = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class RingShapes:
-    """Shapes of the ring modes, each scaled to RMS 1; close modes of one order are one wave.
+class RingShapes(ReadonlyArrays):
+    """Shapes of the ring modes, each scaled to RMS 1; close modes of one order are one wave."""
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (n_waves,)
-    measured, expected : ndarray of complex, shape (n_positions, n_waves)
-        Residues as measured, and of a wave cos n(θ − θ_n) fitted to them robustly.
-    std : ndarray, shape (n_positions, n_waves)
-        Standard deviation per quadrature of `measured`, `SHAPE_TOLERANCE` included.
-    """
-
-    order: NDArray[np.int_]
+    order: NDArray[np.int_]  # shape (n_waves,)
+    # shape (n_positions, n_waves); residues as measured, of a wave cos n(θ − θ_n) fitted to them
+    # robustly, and the standard deviation per quadrature of the former, `SHAPE_TOLERANCE` included
     measured: NDArray[np.complex128]
     expected: NDArray[np.complex128]
     std: NDArray[np.float64]
-
-    def __post_init__(self) -> None:
-        for name, dtype in (
-            *(("order", int), ("measured", complex)),
-            *(("expected", complex), ("std", float)),
-        ):
-            object.__setattr__(self, name, readonly(getattr(self, name), dtype))
 
     @property
     def n_waves(self) -> int:
@@ -72,14 +58,7 @@ class RingShapes:
         return int(self.order.size)
 
     def gain(self, row: int, as_if: int | None = None) -> tuple[float, float]:
-        """Factor of what a row measures over what is expected there, and its standard deviation.
-
-        Parameters
-        ----------
-        row : int
-        as_if : int, optional
-            Compare with what is expected at another row.
-        """
+        """Factor of what a row measures over what is expected there or at `as_if`, with its std."""
         expected = self.expected[row if as_if is None else as_if]
         weight = 1 / self.std[row] ** 2
         power = float(np.sum(weight * np.abs(expected) ** 2))
@@ -110,22 +89,9 @@ class RingShapes:
 def ring_shapes(frf: FRF, model: ModalModel, *, followed_by: float = _MOST) -> RingShapes:
     """Shapes of the ring modes of a model whose order is beyond doubt.
 
-    A wave counts where its residues are known well, where the positions are close enough to tell
-    its order, and where most sensors follow it.
-
-    Parameters
-    ----------
-    frf : FRF
-        Of positions with angles.
-    model : ModalModel
-        Fitted to these FRFs.
-    followed_by : float
-        Share of the sensors that has to follow a wave.
-
-    Returns
-    -------
-    RingShapes
-        Without waves where no order is beyond doubt.
+    The model is fitted to these FRFs, whose positions have angles. A wave counts where its residues
+    are known well, where the positions are close enough to tell its order, and where a share of the
+    sensors, `followed_by`, follows it.
     """
     seen = [_wave(frf, model, close, followed_by) for close in close_modes(model.modes)]
     waves = [wave for wave in seen if wave is not None]
@@ -249,19 +215,8 @@ def drive_point_finding(
 
     Where a structure is driven every mode answers in phase with the force: −Im of the residue is
     positive in all orders (a point mobility has a positive real part). An order of a ring, both
-    members together, is there at the crest of its wave; so the place shows in the shapes.
-
-    Parameters
-    ----------
-    model : ModalModel
-    excitation_deg : float or None
-        Where the manifest says that the force acts.
-    settings : CheckSettings
-
-    Returns
-    -------
-    list of Finding
-        Nothing where it cannot be judged: no circle, or fewer than three orders.
+    members together, is there at the crest of its wave; so the place shows in the shapes. Without a
+    circle, or with fewer than three orders, nothing is found.
     """
     if excitation_deg is None or not on_circle(model.position_deg):
         return []

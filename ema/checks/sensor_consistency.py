@@ -79,23 +79,10 @@ def check_consistency(
 
     Each ring mode is cos n(θ − θ_n) all around; fitted robustly, the few sensors that disagree
     stand out by the gain and the mismatch over all modes. Inverted, wrongly scaled and swapped
-    sensors are corrected, what else contradicts the modes is left out.
+    sensors are corrected; what else contradicts the modes is left out, with `exclude`.
 
-    Parameters
-    ----------
-    frf : FRF
-        Of a closed circle of positions.
-    model : ModalModel
-        Modes fitted to these FRFs.
-    exclude : bool
-        Whether to leave out what cannot be corrected.
-    settings : CheckSettings
-    decided : container of int
-        Rows that a person decided on: what speaks against them is told, and nothing is changed.
-
-    Returns
-    -------
-    ConsistencyCheck
+    The FRFs are of a closed circle of positions, and the modes fitted to them. Of the rows that a
+    person `decided` on, what speaks against them is told, and nothing is changed.
     """
     changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY), settings)
     if changes:  # of whole runs: single sensors are judged once those are right
@@ -117,12 +104,7 @@ def check_consistency(
 
 
 def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> bool:
-    """Whether corrections brought the shapes closer to waves without a worse fit of the FRFs.
-
-    Parameters
-    ----------
-    before, after : tuple of FRF and ModalModel
-    """
+    """Whether corrections brought the shapes closer to waves without a worse fit of the FRFs."""
     shapes_before, shapes_after = (
         ring_shapes(*state, followed_by=MAJORITY) for state in (before, after)
     )
