@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 import os
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
+from operator import attrgetter
 from threading import Lock
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
+import numpy as np
 import threadpoolctl
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from ema.core.errors import SupersededError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
 # A variable of the context: fits in other threads are not stopped.
@@ -72,6 +70,12 @@ def stacked(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
     array = np.concatenate(parts)
     array.setflags(write=False)
     return array
+
+
+def columns_of(rows: Iterable[Any], parts: Mapping[str, str]) -> dict[str, list[Any]]:
+    """Columns of a table by name; `parts` are the attributes of the rows that they have."""
+    found = list(rows)
+    return {name: list(map(attrgetter(part), found)) for name, part in parts.items()}
 
 
 def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFrame:

@@ -21,7 +21,7 @@ from ema.core.edits import Edit, PoleName
 from ema.core.finding import Finding, findings_html
 from ema.core.frf import FRF
 from ema.core.modes import COMMON_NAMES, ModalModel, Mode, Pair, modes_html
-from ema.core.numerics import frame_of
+from ema.core.numerics import columns_of, frame_of
 from ema.core.references import References
 from ema.fitting.listing import counterpart
 from ema.identify import Identification
@@ -331,7 +331,7 @@ class Result:
     def to_columns(self) -> dict[str, list[Any]]:
         """Columns of `to_frame` by name."""
         names = "run", "channel", "position_deg", "check", "verdict", "detail"
-        return {name: [getattr(finding, name) for finding in self.findings] for name in names}
+        return columns_of(self.findings, dict(zip(names, names, strict=True)))
 
     def save(self, folder: Path | str, **options: Any) -> None:
         """Write a result folder, as `ringmodal.save` with the same options."""

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from itertools import takewhile
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +17,13 @@ from ema.checks.corrections import Correction
 from ema.core.display import signed
 from ema.core.errors import visible_line
 from ema.core.frf import FRF
-from ema.core.modes import MODE_COLUMNS, ModalModel, Mode, OrderReport
+from ema.core.modes import MODE_COLUMNS, ModalModel, Mode
+from ema.core.numerics import columns_of
 from ema.core.references import References
 from ema.io.uff.reader import OF_A_RESULT
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
-from pipelines.results.result import OtherMode, Result, Validation
+from pipelines.results.result import Result, Validation
 from pipelines.storage.tables import Columns, Table, repeating, write_parquet
 
 # Keys of [tyre] in the order of a test report.
@@ -59,6 +59,7 @@ _OTHER = {
     **{"damping_ratio_std": "damping_std"},
     **{name: name for name in ("order_purity", "n_positions")},
 }
+_CORRECTIONS = {each.name: each.name for each in fields(Correction)}
 _VALIDATION = (
     *("order", "measured_hz", "model_hz", "error_percent"),
     *("measured_damping", "model_damping", "mac"),
@@ -232,10 +233,10 @@ def csv_tables(result: Result) -> dict[str, Columns]:
     return several | {
         "modes.csv": result.modal_model.to_columns(),
         "shapes.csv": shapes(result),
-        "orders.csv": orders(result.modal_model.orders),
+        "orders.csv": columns_of(result.modal_model.orders, _ORDERS),
         "quality.csv": result.to_columns(),
-        "corrections.csv": corrections(result.corrections),
-        "other_modes.csv": other_modes(result.other_modes),
+        "corrections.csv": columns_of(result.corrections, _CORRECTIONS),
+        "other_modes.csv": columns_of(result.other_modes, _OTHER),
         "validation.csv": validation(result.validation),
     }
 
@@ -256,11 +257,6 @@ def shapes(result: Result) -> Columns:
     }
 
 
-def orders(reports: tuple[OrderReport, ...]) -> Columns:
-    """``orders.csv``: each order by itself, and the verdict on its pair."""
-    return {name: list(map(attrgetter(part), reports)) for name, part in _ORDERS.items()}
-
-
 def references(result: Result) -> Columns:
     """``references.csv``: a row for each of several forces and each mode that it drives."""
     found = [(each, result.modal_model.modes[each.mode - 1]) for each in result.references]
@@ -278,17 +274,6 @@ def references(result: Result) -> Columns:
         "participation_real": [each.participation[0] for each, _ in found],
         "participation_imag": [each.participation[1] for each, _ in found],
     }
-
-
-def corrections(changes: tuple[Correction, ...]) -> Columns:
-    """``corrections.csv``: a row for each FRF that is not fitted as measured."""
-    names = [each.name for each in fields(Correction)]
-    return {name: [getattr(each, name) for each in changes] for name in names}
-
-
-def other_modes(found: tuple[OtherMode, ...]) -> Columns:
-    """``other_modes.csv``: a row for each mode that tangential or axial sensors show."""
-    return {name: [getattr(mode, part) for mode in found] for name, part in _OTHER.items()}
 
 
 def validation(found: Validation | None) -> Columns:
