@@ -46,7 +46,8 @@ from ema.fitting.joint_modes import joint_modes
 from ema.fitting.joint_orders import across_forces, joint_curves
 from ema.fitting.search import curve_fit
 from ema.poles.estimators import NO_FRF, widened_band
-from ema.poles.stability import PoleSelection, StabilityDiagram, build_stability, select_poles
+from ema.poles.stability import StabilityDiagram, build_stability, select_poles
+from ema.poles.tracking import PoleSelection
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
@@ -445,6 +446,6 @@ def fit_modes(
 
 def _around(frf: FRF, hz: tuple[float, ...]) -> tuple[float, float]:
     """The band of views, widened to some frequencies and a fifth beyond."""
-    low, high = frf.shown_band_hz()
+    low, high = frf.default_band_hz()
     far = min(max([high, *(1.2 * each for each in hz)]), float(frf.frequency_hz[-1]))
     return min([low, *(0.8 * each for each in hz)]), far

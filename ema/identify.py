@@ -18,7 +18,7 @@ from ema.core.frf import FRF
 from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
-from ema.core.references import References
+from ema.core.references import References, frfs_of
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
 from ema.fitting.edited_fit import edited, edited_jointly
@@ -105,7 +105,7 @@ class Identification:
 @one_blas_thread
 def identify_modes(
     frf: FRF | References | Sequence[FRF],
-    band_hz: tuple[float, float] = (20.0, 260.0),
+    band_hz: tuple[float, float] | None = None,
     *,
     edits: Sequence[Edit] = (),
     pinned_hz: Sequence[float] | None = None,
@@ -132,8 +132,8 @@ def identify_modes(
         Of one force, or of each of several: then both members of a ring's pairs are told by what
         each force drives of them. Edits then name modes of the first one, whose list is that of
         the result.
-    band_hz : tuple of float
-        Band of the result.
+    band_hz : tuple of float, optional
+        Band of the result; default: `FRF.default_band_hz`.
     edits : sequence of Edit
         What a person decided about channels and poles. The automatic identification is run as
         always on the channels; edits of poles act on its modes. Of several decisions on one mode
@@ -185,11 +185,12 @@ def identify_modes(
     pins = None if pinned_hz is None else frequencies_of("pinned_hz", pinned_hz)
     out = frequencies_of("excluded_hz", excluded_hz) if np.size(excluded_hz) else ()
     edits = (*edits, *shorthand(pins, out))
+    measured = frf if isinstance(frf, FRF | References) else References(tuple(frf))
+    band_hz = band_hz or frfs_of(measured)[0].default_band_hz(checks.good_coherence)
     asked = Asked(band_hz, sensor_mass, max_order, method, settings, checks)
-    if isinstance(frf, FRF):
-        return identified(automatic_basis(frf, asked, edits), edits)
-    references = frf if isinstance(frf, References) else References(tuple(frf))
-    return _of_several(references, asked, edits)
+    if isinstance(measured, FRF):
+        return identified(automatic_basis(measured, asked, edits), edits)
+    return _of_several(measured, asked, edits)
 
 
 def _of_several(references: References, asked: Asked, edits: Sequence[Edit]) -> Identification:
@@ -260,7 +261,8 @@ def identified_jointly(
     known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
     opinions: tuple[Opinion, ...] = ()
     if (together := bases[0].together) is not None:
-        opinions = second_opinion(together, found[0].model.modes, *known)
+        models = [each.model for each in found]
+        opinions = second_opinion(together, models[0].modes, *known, models=models)
     models, doubts = with_modal_masses(
         [each.model for each in found],
         [each.frf for each in found],
@@ -298,7 +300,8 @@ def identified(
         fit = edited(fit, edits, basis.diagram_of, live=live, first_stage=first)
     found = _of_basis(replace(basis, shown=fit), edits)
     known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
-    opinions = second_opinion(basis.crossed or basis.frf, found.model.modes, *known)
+    crossed, models = basis.crossed or basis.frf, (basis.automatic if live else found.model,)
+    opinions = second_opinion(crossed, found.model.modes, *known, models=models)
     return replace(found, opinions=opinions)
 
 

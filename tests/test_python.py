@@ -108,7 +108,7 @@ def test_everything_is_drawn_on_axes_and_returns_them(frf, diagram, modes, sampl
 def test_the_coherence_of_a_view_is_that_of_its_band():
     coherence = np.where(LINES < 200, 0.99, 0.1) * np.ones(VALUES.shape)
     frf = rm.FRF.from_arrays(LINES, VALUES, unit="m/N", angles_deg=ANGLES, coherence=coherence)
-    low, high = frf.shown_band_hz()
+    low, high = frf.default_band_hz()
     assert (low, high) == (20.0, pytest.approx(200, abs=10))
     assert "0.9900" in frf._repr_html_()
 

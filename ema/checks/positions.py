@@ -22,7 +22,7 @@ from ema.core.frf import FRF
 from ema.core.settings import CHECKS, CheckSettings
 from ema.fitting.fit_steps import modes_of
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, evaluate, lines_to_fit, starting_poles
-from ema.poles.stability import PoleSelection
+from ema.poles.tracking import PoleSelection
 
 # Angles that are tried for a run.
 _STEP_DEG = 0.5

@@ -67,6 +67,25 @@ def shapes_picture(position_deg: ArrayLike, shapes: Sequence[Any]) -> str:
     return picture(label, cell * across, cell * -(-len(shapes) // across), paths)
 
 
+def poles_picture(
+    band_hz: tuple[float, float],
+    frequency_hz: Any,
+    model_order: Any,
+    indicator_hz: Any,
+    indicator: Any,
+) -> str:
+    """Poles over frequency and model order, before an indicator function."""
+    low, high = band_hz
+    shown = (frequency_hz >= low) & (frequency_hz <= high)
+    inside = (indicator_hz >= low) & (indicator_hz <= high)
+    highest = int(model_order.max(initial=1))
+    x = scaled(frequency_hz[shown], band_hz, 3, 477)
+    y = scaled(model_order[shown], (0, highest), 137, 3)
+    curve = level_path(indicator_hz[inside], indicator[inside], 480, 140)
+    label = f"Poles in clusters up to model order {highest}, over the RMS inertance"
+    return picture(label, 480, 140, [(curve, 0.6), (path_of(x, y, dots=True), 3.0)])
+
+
 def plot(shown: Any, ax: Any, **options: Any) -> Any:
     """Draw an FRF, a stability diagram or modes on axes; on new ones of pyplot without any."""
     return import_module(BACKEND).plot(shown, ax, **options)

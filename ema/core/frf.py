@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _COHERENCE_LINES = 31  # dips at antiresonances do not end a band
-_TYRE_HZ = (20.0, 300.0)  # where a tyre has the modes of its ring
+#: Where a tyre has the modes of its ring.
+TYRE_BAND_HZ = (20.0, 300.0)
 #: Arrays of an `FRF` with one row for each position.
 ROW_ARRAYS = (
     *("values", "coherence", "std", "node", "position_deg", "axis"),
@@ -288,18 +289,27 @@ class FRF(ReadonlyArrays):
             Only the positions nearest to these angles, with a legend; otherwise all positions
             (thin) and their RMS (thick).
         band_hz : tuple of float, optional
-            Default: where coherence is good; on a circle at most 20 to 300 Hz.
+            Default: `default_band_hz`.
         """
-        band = self.shown_band_hz() if band_hz is None else band_of(band_hz)
+        band = self.default_band_hz() if band_hz is None else band_of(band_hz)
         return plot(self, ax, angles_deg=angles_deg, band_hz=band)
 
-    def shown_band_hz(self) -> tuple[float, float]:
-        """The band of views: where coherence is good, on a circle at most 20 to 300 Hz."""
-        low, high = self.coherent_band_hz()
-        if not np.all(np.isfinite(self.position_deg)):
+    def default_band_hz(
+        self, good: float = CHECKS.good_coherence, *, is_tyre: bool | None = None
+    ) -> tuple[float, float]:
+        """Band of views and of an identification: where coherence is good.
+
+        For a tyre, which positions on a circle make it by default, from 20 Hz to the end of good
+        coherence, 300 Hz at most: below its first mode a tyre hardly responds, so that poor
+        coherence there does not end the band.
+        """
+        low, high = self.coherent_band_hz(good)
+        if not (np.all(np.isfinite(self.position_deg)) if is_tyre is None else is_tyre):
             return low, high
-        near, far = max(low, _TYRE_HZ[0]), min(high, _TYRE_HZ[1])
-        return (near, far) if near < far else (low, high)
+        least, most = TYRE_BAND_HZ
+        if not low < most or not least < high < most:
+            high = min(most, float(self.frequency_hz[-1]))
+        return (least, high) if least < high else (low, float(self.frequency_hz[-1]))
 
     def to_xarray(self) -> xr.Dataset:
         """FRFs as an xarray dataset; needs the package xarray.
@@ -401,7 +411,7 @@ class FRF(ReadonlyArrays):
         on_circle = self.n_positions and np.isfinite(angles).all()
         places = f"{angles.min():g}° to {angles.max():g}°" if on_circle else "by node"
         averages = f"{self.n_effective:.1f}" if np.isfinite(self.n_effective) else "unknown"
-        band = self.shown_band_hz()
+        band = self.default_band_hz()
         lines = (self.frequency_hz >= band[0]) & (self.frequency_hz <= band[1])
         within = self.coherence[:, lines]
         known = within[np.isfinite(within)]

@@ -178,11 +178,18 @@ def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairF
     """The pair with what half the lines would change in its covariance.
 
     A model that is not quite right shows here: the two estimates differ by more than the variances
-    do (Hausman 1978).
+    do (Hausman 1978). Of a member that is hardly driven, half the lines may not even tell on which
+    side of the other one it lies: the driven ones are compared.
     """
     narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
     found = narrow.minimum(pair.parameters)
-    other = replace(pair, numbers=narrow.numbers(found.x), covariance=narrow.covariance(found))
+    given = found.x, narrow.covariance(found), complex(wide.amplitude), pair.misfit
+    other = narrow.pair_of(*given)
+    one_driven = min(pair.share) < narrow.settings.pair_weakest_share
+    if one_driven and other.stronger != pair.stronger:
+        turned = [2, 3, 0, 1, 4, 5]
+        covariance = other.covariance[np.ix_(turned, turned)]
+        other = replace(other, numbers=other.numbers[turned], covariance=covariance)
     return with_change(pair, other)
 
 

@@ -50,7 +50,7 @@ from ema.fitting.pole_fit import (
 from ema.fitting.run_states import drift_beside_pairs, drift_in_one_step, in_states
 from ema.fitting.variable_projection import Real
 from ema.poles.estimators import widened_band
-from ema.poles.stability import PoleSelection
+from ema.poles.tracking import PoleSelection
 from ema.signals.leakage import bias_as_before
 
 # A pole damped this many times more than the others, on its bound, is no mode.

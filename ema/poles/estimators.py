@@ -17,7 +17,8 @@ from scipy.ndimage import median_filter
 from ema.core.errors import FitError, require_type
 from ema.core.frf import FRF
 from ema.core.frf_arrays import band_of
-from ema.signals.leakage import SMOOTHING_LINES
+from ema.core.numerics import kept_with, readonly
+from ema.signals.leakage import SMOOTHING_LINES, without_spikes
 
 NO_FRF = "Use estimate_frf or FRF.from_arrays"
 # Beyond the band, lines are used up to this share of its width, for modes just outside it …
@@ -91,6 +92,13 @@ def useful_length(responses: NDArray[np.complex128], shortest: int) -> int:
     above = np.cumsum((power - noise)[: n_samples // 2][::-1])[::-1]
     useful = int(np.argmax(above < _TAIL_ENERGY * above[0])) or n_samples // 2
     return int(min(max(useful, shortest), n_samples * 9 // 10))
+
+
+@kept_with
+def prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
+    """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
+    lines = slice(start, stop)
+    return readonly(without_spikes(frf, lines, align_runs(frf, lines)), complex)
 
 
 def normal_matrix(responses: NDArray[np.complex128], max_order: int) -> NDArray[np.complex128]:

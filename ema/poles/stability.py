@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ema.circumference.orders import on_circle
 from ema.core.display import band_text, counted, table
-from ema.core.drawings import level_path, path_of, picture, plot, scaled
+from ema.core.drawings import plot, poles_picture
 from ema.core.errors import InputError, require_type
 from ema.core.frf import FRF
 from ema.core.numerics import (
@@ -24,25 +25,22 @@ from ema.core.numerics import (
 from ema.core.references import References, frfs_of
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.estimators import (
-    align_runs,
     impulse_responses,
     line_weight,
     normal_matrix,
+    prepared,
     reduced_normal_matrix,
     useful_length,
     widened_band,
 )
-from ema.poles.tracking import Cluster, interpret, pole_history
-from ema.signals.leakage import without_spikes
+from ema.poles.tracking import Cluster, PoleSelection, interpret, pole_history
 
 if TYPE_CHECKING:
     import pandas as pd
 from collections.abc import Sequence
 
-from numpy.typing import ArrayLike
-
 from ema.core.errors import FitError
-from ema.core.modes import Mode
+from ema.core.modes import ModalModel, Mode, Pair
 
 #: Pole estimators.
 METHODS = ("lsce", "plscf")
@@ -51,6 +49,9 @@ OTHER = {"lsce": "plscf", "plscf": "lsce"}
 
 # Model orders that show every mode of a tyre; a second look need not go further.
 _ENOUGH = 40
+# A pole may belong to a mode within so many times `cross_check_frequency`; both agree within so
+# many standard deviations; so many draws of the noise show what the estimator makes of the modes.
+_REACH, _STDS, _DRAWS = 4, 3, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,22 +157,16 @@ class StabilityDiagram(ReadonlyArrays):
         return table(title, head, rows, words=(0, 4)) + self._picture()
 
     def _picture(self) -> str:
-        """Poles in clusters over frequency and model order."""
-        highest = int(self.model_order.max(initial=1))
-        low, high = self.band_hz
-        shown = (self.cluster >= 0) & (self.frequency_hz >= low) & (self.frequency_hz <= high)
-        x = scaled(self.frequency_hz[shown], self.band_hz, 3, 477)
-        y = scaled(self.model_order[shown], (0, highest), 137, 3)
-        inside = (self.indicator_hz >= low) & (self.indicator_hz <= high)
-        curve = level_path(self.indicator_hz[inside], self.indicator[inside], 480, 140)
-        label = f"Poles in clusters up to model order {highest}, over the RMS inertance"
-        return picture(label, 480, 140, [(curve, 0.6), (path_of(x, y, dots=True), 3.0)])
+        """Poles in clusters over frequency and model order, before the RMS inertance."""
+        shown = self.cluster >= 0
+        given = self.frequency_hz[shown], self.model_order[shown], self.indicator_hz, self.indicator
+        return poles_picture(self.band_hz, *given)
 
 
 @one_blas_thread
 def build_stability(
     frf: FRF | References,
-    band_hz: tuple[float, float] = (20.0, 260.0),
+    band_hz: tuple[float, float] | None = None,
     *,
     max_order: int = 60,
     method: str = "lsce",
@@ -185,9 +180,9 @@ def build_stability(
         Of several forces, both methods are polyreference: they also tell poles apart that
         coincide, and how each force drives them. The model order then counts matrices of the
         polynomial: order p has p poles for each force.
-    band_hz : tuple of float
-        Band in which modes are sought. Some lines beyond it are used where their noise allows, so
-        that modes just outside are seen as such.
+    band_hz : tuple of float, optional
+        Band in which modes are sought; default: `FRF.default_band_hz`. Some lines beyond it are
+        used where their noise allows, so that modes just outside are seen as such.
     max_order : int
         Highest model order: the number of poles in the band.
     method : {"lsce", "plscf"}
@@ -222,10 +217,11 @@ def build_stability(
     require_type("frf", frf, (FRF, References), "Estimate it with `estimate_frf`")
     rows = (frf,) if isinstance(frf, FRF) else frf.common_rows()
     n_forces = len(rows)
+    band_hz = band_hz or rows[0].default_band_hz()
     bands = [widened_band(each, band_hz) for each in rows]
     lines = slice(max(band.start for band in bands), min(band.stop for band in bands))
     frequency_hz = rows[0].frequency_hz[lines]
-    measured = [_prepared(each, lines.start, lines.stop) for each in rows]
+    measured = [prepared(each, lines.start, lines.stop) for each in rows]
     std = np.concatenate([each.std[:, lines] for each in rows])
     # One force must not count more than another because it is weaker where it acts.
     level = [1.0] if n_forces == 1 else [np.sqrt(np.mean(np.abs(m) ** 2)) for m in measured]
@@ -242,7 +238,7 @@ def build_stability(
     found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
     late = not on_circle(rows[0].position_deg)
     label, clusters = interpret(found, max_order, settings, late=late)
-    several = {} if n_forces == 1 else _of_several(rows, measured, lines)
+    several = {} if n_forces == 1 else _of_several(frequency_hz, measured)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
@@ -258,22 +254,11 @@ def build_stability(
     )
 
 
-@kept_with
-def _prepared(frf: FRF, start: int, stop: int) -> NDArray[np.complex128]:
-    """FRFs of some lines with runs aligned and tones taken out; both estimators ask for them."""
-    lines = slice(start, stop)
-    return readonly(without_spikes(frf, lines, align_runs(frf, lines)), complex)
-
-
 def _of_several(
-    rows: Sequence[FRF], values: Sequence[NDArray[np.complex128]], lines: slice
+    frequency_hz: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]
 ) -> dict[str, NDArray[np.float64]]:
     """Indicator functions of several forces."""
-    there = [
-        FRF.from_arrays(each.frequency_hz[lines], own)
-        for each, own in zip(rows, values, strict=True)
-    ]
-    references = References(tuple(there))
+    references = References(tuple(FRF.from_arrays(frequency_hz, own) for own in values))
     return {"cmif": references.cmif(), "mif": references.mif()}
 
 
@@ -282,29 +267,6 @@ def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:
     if not band_hz[0] <= cluster.frequency_hz <= band_hz[1]:
         return "beyond the band"
     return "yes" if cluster.kept else "no"
-
-
-@dataclass(frozen=True, eq=False)
-class PoleSelection(ReadonlyArrays):
-    """Poles that start a curve fit."""
-
-    poles: NDArray[np.complex128]  # rad/s; poles outside the band guard its ends
-    band_hz: tuple[float, float]  # band whose modes are wanted
-    pinned: bool = False  # whether it is these poles and no others: none is added, none dropped
-
-    @classmethod
-    def around(cls, poles: ArrayLike) -> PoleSelection:
-        """Select given poles and a band that reaches 20 % beyond them."""
-        try:
-            given = np.atleast_1d(np.asarray(poles, dtype=complex)).ravel()
-        except (TypeError, ValueError):
-            given = np.zeros(0, dtype=complex)
-        if not given.size or not np.all(np.isfinite(given) & (given.imag > 0) & (given.real <= 0)):
-            rule = "poles are complex, in rad/s: −ζω + jω√(1−ζ²), with ω > 0"
-            remedy = "For frequencies write hz=[78.7, 100.3]"
-            raise InputError("poles", f"{poles!r:.60}", rule, remedy)
-        frequency_hz = np.abs(given) / (2 * np.pi)
-        return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
 
 
 def select_poles(diagram: StabilityDiagram) -> PoleSelection:
@@ -352,7 +314,8 @@ class Opinion:
     mode_hz: float  # frequency of the mode
     frequency_hz: float  # pole of the other estimator
     damping_ratio: float
-    agrees: bool  # within `cross_check_frequency` and `cross_check_damping`
+    # With the mode, or with what this estimator makes of the modes' own FRFs.
+    agrees: bool
 
 
 def second_opinion(
@@ -362,29 +325,111 @@ def second_opinion(
     method: str,
     max_order: int,
     settings: IdentificationSettings = IDENTIFICATION,
+    *,
+    models: Sequence[ModalModel] = (),
 ) -> tuple[Opinion, ...]:
-    """Find the poles again with another `method` and compare them with the modes."""
-    selection = _poles_of(frf, band_hz, method, min(max_order, _ENOUGH), settings)
-    window = frfs_of(frf)[0].exponential_window
-    if window is not None:
-        selection = selection + window.decay_per_s
-    frequency_hz = (np.abs(selection) / (2 * np.pi)).tolist()
-    damping_ratio = (-selection.real / np.abs(selection)).tolist()
-    free = [k for k, f in enumerate(frequency_hz) if band_hz[0] <= f <= band_hz[1]]
-    nothing, opinions = float("nan"), []
-    for mode in modes:
-        near = min(free, key=lambda k: abs(frequency_hz[k] - mode.frequency_hz), default=None)
-        apart = np.inf if near is None else abs(frequency_hz[near] / mode.frequency_hz - 1)
-        if near is None or apart > 4 * settings.cross_check_frequency:
-            opinions.append(Opinion(method, mode.frequency_hz, nothing, nothing, False))
-            continue
-        free.remove(near)
-        frequency, damping = frequency_hz[near], damping_ratio[near]
-        alike = abs(damping / mode.damping_ratio - 1) < settings.cross_check_damping
-        agrees = apart < settings.cross_check_frequency and alike
-        opinions.append(Opinion(method, mode.frequency_hz, frequency, damping, agrees))
-    opinions += [Opinion(method, nothing, frequency_hz[k], damping_ratio[k], False) for k in free]
-    return tuple(opinions)
+    """Find the poles again with another `method` and compare them with the modes.
+
+    Every estimator errs where pairs are close, modes weak or noise is large. Where it differs from
+    the modes, it is asked about FRFs of the `models` (of each force) with noise like that of the
+    measured ones: a pole that it finds there too, or misses there too, does not contradict them.
+    """
+    asked = band_hz, method, min(max_order, _ENOUGH), settings
+    seen = _poles_of(frf, *asked)
+    free = [pole for pole in seen.tolist() if band_hz[0] <= abs(pole) / (2 * np.pi) <= band_hz[1]]
+    std = [(mode.frequency_std_hz, mode.damping_std) for mode in modes]
+    places = [_Place.of(m.pole, settings, own) for m, own in zip(modes, std, strict=True)]
+    own, nothing = _matched(places, free), float("nan")
+    opinions = []
+    for k, mode in enumerate(modes):
+        pole = own.get(k, complex(nothing, nothing))
+        agrees = places[k].apart(pole) < 1
+        opinions.append(Opinion(method, mode.frequency_hz, *_measures(pole), agrees))
+    free = [pole for pole in free if pole not in own.values()]
+    opinions += [Opinion(method, nothing, *_measures(pole), False) for pole in free]
+    places += [_Place.of(pole, settings) for pole in free]
+    fits = [frf.n_positions for frf in frfs_of(frf)] == [len(m.position_deg) for m in models]
+    for draw in range(_DRAWS if fits else 0):
+        opinions = _with_partners(opinions, modes)
+        if all(opinion.agrees for opinion in opinions[: len(modes)]):
+            break
+        expected = _expected_poles(models[0], tuple(models[1:]), frf, draw, *asked)
+        opinions = [
+            replace(one, agrees=one.agrees or place.is_alike(seen, expected))
+            for one, place in zip(opinions, places, strict=True)
+        ]
+    return tuple(_with_partners(opinions, modes))
+
+
+def _with_partners(opinions: list[Opinion], modes: Sequence[Mode]) -> list[Opinion]:
+    """One pole for both members of a resolved pair is no disagreement: few estimators tell two."""
+    there = [(k, m.order) for k, m in enumerate(modes) if m.pair is Pair.RESOLVED]
+    confirmed = {order for k, order in there if opinions[k].agrees}
+    alone = {k for k, n in there if n in confirmed and isnan(opinions[k].frequency_hz)}
+    return [replace(o, agrees=True) if k in alone else o for k, o in enumerate(opinions)]
+
+
+def _matched(places: Sequence[_Place], poles: Sequence[complex]) -> dict[int, complex]:
+    """Poles of places, one to one, the closest first."""
+    near = [(place.apart(p), k, p) for k, place in enumerate(places) for p in place.among(poles)]
+    own = dict[int, complex]()
+    for _, k, pole in sorted(near, key=lambda each: each[0]):
+        own |= {} if k in own or pole in own.values() else {k: pole}
+    return own
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A pole, and how far others may be from it, as shares of its frequency and damping ratio."""
+
+    pole: complex
+    frequency: float
+    damping: float
+    reach: float  # share of the frequency within which a pole may belong to it
+
+    @classmethod
+    def of(
+        cls, pole: complex, settings: IdentificationSettings, std: tuple[float, float] = (0.0, 0.0)
+    ) -> _Place:
+        """Place of a pole, by its ± where that is larger than what is asked for."""
+        asked = settings.cross_check_frequency, settings.cross_check_damping
+        frequency, damping = np.fmax(asked, _STDS * np.array(std) / _measures(pole)).tolist()
+        return cls(pole, frequency, damping, max(_REACH * asked[0], frequency))
+
+    def apart(self, pole: complex, own: complex | None = None) -> float:
+        """Distance of a pole from this one, or from `own`: 1 where they just do not agree."""
+        (f, ratio), (own_f, own_ratio) = _measures(pole), _measures(own or self.pole)
+        return max(abs(f / own_f - 1) / self.frequency, abs(ratio / own_ratio - 1) / self.damping)
+
+    def among(self, poles: Sequence[complex]) -> list[complex]:
+        """Poles that may belong here."""
+        return [pole for pole in poles if abs(abs(pole) / abs(self.pole) - 1) < self.reach]
+
+    def is_alike(self, seen: NDArray[np.complex128], expected: NDArray[np.complex128]) -> bool:
+        """Whether two sets of poles have the same here, or both have nothing."""
+        there = self.among(seen.tolist()), self.among(expected.tolist())
+        first, second = (min(poles, key=self.apart, default=None) for poles in there)
+        if first is None or second is None:
+            return first is second
+        return self.apart(first, second) < 1
+
+
+def _measures(pole: complex) -> tuple[float, float]:
+    """Natural frequency in Hz and damping ratio."""
+    return abs(pole) / (2 * np.pi), -pole.real / abs(pole)
+
+
+@kept_with
+def _expected_poles(
+    model: ModalModel, others: tuple[ModalModel, ...], frf: FRF | References, draw: int, *asked: Any
+) -> NDArray[np.complex128]:
+    """Poles that a method selects where the modes are exact, and the noise that of the FRFs."""
+    random, rows = np.random.default_rng(draw), list[FRF]()
+    for own, each in zip((model, *others), frfs_of(frf), strict=True):
+        noise = random.standard_normal((2, *each.std.shape)) * np.nan_to_num(each.std)
+        exact = own.synthesise(each.frequency_hz, each.run)
+        rows.append(replace(each, values=exact + noise[0] + 1j * noise[1]))
+    return _poles_of(rows[0] if isinstance(frf, FRF) else References(tuple(rows)), *asked)
 
 
 @kept_with
@@ -395,10 +440,13 @@ def _poles_of(
     max_order: int,
     settings: IdentificationSettings,
 ) -> NDArray[np.complex128]:
-    """Poles that a method selects; refits ask again."""
+    """Poles that a method selects, without the window of an analyser; refits ask again."""
+    window = frfs_of(frf)[0].exponential_window
     try:
-        return select_poles(
-            build_stability(frf, band_hz, max_order=max_order, method=method, settings=settings)
-        ).poles
+        diagram = build_stability(
+            frf, band_hz, max_order=max_order, method=method, settings=settings
+        )
+        poles = select_poles(diagram).poles
     except FitError:
         return readonly(np.zeros(0), complex)
+    return poles if window is None else readonly(poles + window.decay_per_s, complex)

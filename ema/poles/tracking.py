@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import squareform
 
+from ema.core.errors import InputError
 from ema.core.mac import mac
+from ema.core.numerics import ReadonlyArrays
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.estimators import driven_poles_of_order, shapes_of_poles
 
@@ -172,6 +174,29 @@ class Cluster:
     def damping_ratio(self) -> float:
         """Damping ratio −Re(s)/|s|."""
         return -self.pole.real / abs(self.pole)
+
+
+@dataclass(frozen=True, eq=False)
+class PoleSelection(ReadonlyArrays):
+    """Poles that start a curve fit."""
+
+    poles: NDArray[np.complex128]  # rad/s; poles outside the band guard its ends
+    band_hz: tuple[float, float]  # band whose modes are wanted
+    pinned: bool = False  # whether it is these poles and no others: none is added, none dropped
+
+    @classmethod
+    def around(cls, poles: ArrayLike) -> PoleSelection:
+        """Select given poles and a band that reaches 20 % beyond them."""
+        try:
+            given = np.atleast_1d(np.asarray(poles, dtype=complex)).ravel()
+        except (TypeError, ValueError):
+            given = np.zeros(0, dtype=complex)
+        if not given.size or not np.all(np.isfinite(given) & (given.imag > 0) & (given.real <= 0)):
+            rule = "poles are complex, in rad/s: −ζω + jω√(1−ζ²), with ω > 0"
+            remedy = "For frequencies write hz=[78.7, 100.3]"
+            raise InputError("poles", f"{poles!r:.60}", rule, remedy)
+        frequency_hz = np.abs(given) / (2 * np.pi)
+        return cls(given, (0.8 * float(frequency_hz.min()), 1.2 * float(frequency_hz.max())))
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,13 +32,7 @@ from pipelines.process.refit import (
 from pipelines.process.ring import tune, with_other_modes
 from pipelines.process.validate import refuse_warnings
 from pipelines.results.edits_file import Record
-from pipelines.results.options import (
-    TYRE_BAND_HZ,
-    Options,
-    processing_in_force,
-    tuning_in_force,
-    with_settings,
-)
+from pipelines.results.options import Options, processing_in_force, tuning_in_force, with_settings
 from pipelines.results.provenance import Stopwatch, checksummed, provenance
 from pipelines.results.result import Result, Setup
 
@@ -213,7 +207,8 @@ def _with_band(campaign: Campaign, frf: FRF) -> tuple[Campaign, tuple[float, flo
     """The band as stated, which must not exceed the FRFs, or else the default with a finding."""
     stated_hz, last_hz = campaign.processing.band_hz, float(frf.frequency_hz[-1])
     if stated_hz is None:
-        band_hz = _default_band(campaign, frf)
+        is_tyre = campaign.has_circle or campaign.tyre is not None
+        band_hz = frf.default_band_hz(campaign.checks.good_coherence, is_tyre=is_tyre)
         why = "as excited and coherent; set band_hz to change"
         detail = f"{band_hz[0]:g} to {band_hz[1]:g} Hz, {why}"
         finding = Finding("", "", None, Check.BAND, Verdict.OK, detail)
@@ -281,15 +276,3 @@ def _grams(stated: float | dict[str, float]) -> str:
         return f"{1e3 * stated:g} g each"
     others = {name: "all others" if name == "default" else name for name in stated}
     return ", ".join(f"{1e3 * mass:g} g ({others[name]})" for name, mass in stated.items())
-
-
-def _default_band(campaign: Campaign, frf: FRF) -> tuple[float, float]:
-    """Widest band that the force excites well; for a tyre from 20 Hz to its end, 300 Hz at most.
-
-    Below its first mode a tyre hardly responds: there, poor coherence does not end the band.
-    """
-    low, high = frf.coherent_band_hz(campaign.checks.good_coherence)
-    if not campaign.has_circle and campaign.tyre is None:
-        return low, high
-    least, most = TYRE_BAND_HZ
-    return least, high if low < most and least < high < most else min(most, frf.frequency_hz[-1])

@@ -189,17 +189,19 @@ def _cross_check(result: Result) -> tuple[Block, ...]:
         return ()
     name = {"plscf": "p-LSCF", "lsce": "LSCE"}[result.opinions[0].method]
     apart = [opinion for opinion in result.opinions if not opinion.agrees]
+    disputed = sum(np.isfinite(each.mode_hz) for each in apart)
     if not apart:
-        same = "finds the same modes, within 0.5 % and 10 % of damping."
+        same = "finds what these modes should show it: it contradicts none of them."
         return (Paragraph(f"A second estimator ({name}) {same}", "good"),)
     head = ("mode / Hz", f"{name}: frequency / Hz", f"{name}: damping / %")
     rows = tuple(
         (number(o.mode_hz, 5), number(o.frequency_hz, 5), number(100 * o.damping_ratio, 3))
         for o in apart
     )
-    text = f"A second estimator ({name}) disagrees on {counted(len(apart), 'mode')}; check."
-    if any(np.isnan(each.frequency_hz) for each in apart):
-        text += f" It has no pole of its own at those with {DASH}: of a close pair it may see one."
+    if not disputed:
+        text = f"A second estimator ({name}) contradicts no mode; it has further poles."
+        return (Paragraph(text, "good"), Table("Further poles", head, rows))
+    text = f"A second estimator ({name}) disagrees on {counted(disputed, 'mode')}; check."
     return (Paragraph(text, "warning"), Table("Where the estimators disagree", head, rows))
 
 

@@ -15,9 +15,6 @@ from ema.core.settings import CheckSettings, IdentificationSettings
 from model.coefficients import PressureLoad
 from model.parameters import TuningPriors
 
-#: Widest default band of a tyre.
-TYRE_BAND_HZ = (20.0, 300.0)
-
 #: Pressure model of a tuning: that of the paper.
 DEFAULT_LOAD: PressureLoad = "dead"
 #: Shares of a value, and the field of `TuningPriors` for each.

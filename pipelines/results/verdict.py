@@ -16,8 +16,7 @@ from ema.circumference.orders import PURE
 from ema.core.display import counted, number
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.modes import Flag, Mode, Pair
-from ema.poles.stability import Opinion
+from ema.core.modes import Flag, Mode
 from model.adequacy import Reason, RingVerdict, State
 from model.coefficients import PressureLoad
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED
@@ -234,7 +233,7 @@ def _of_modes(result: Result) -> Iterator[Remark]:
 
 def _of_second_estimator(result: Result) -> Iterator[Remark]:
     modes = result.modal_model.modes
-    apart = [isfinite(each.mode_hz) for each in _disagreements(result)]
+    apart = [isfinite(each.mode_hz) for each in result.opinions if not each.agrees]
     disputed, further = apart.count(True), apart.count(False)
     if further >= max(len(modes), 1):
         brief = f"a second estimator finds {further} poles beside the {counted(len(modes), 'mode')}"
@@ -246,25 +245,8 @@ def _of_second_estimator(result: Result) -> Iterator[Remark]:
         yield Remark(State.DOUBTFUL, text, "modes", brief)
     elif further:
         beside = counted(further, "further pole")
-        text = f"A second estimator confirms every mode and finds {beside}."
+        text = f"A second estimator contradicts no mode and finds {beside}."
         yield Remark(State.GOOD, text, "modes")
-
-
-def _disagreements(result: Result) -> list[Opinion]:
-    """Opinions against the modes; one pole for a resolved pair is none: few estimators tell two."""
-    modes = result.modal_model.modes
-
-    def mode_of(opinion: Opinion) -> Mode:
-        return min(modes, key=lambda mode: abs(mode.frequency_hz - opinion.mode_hz))
-
-    confirmed = {mode_of(each).order for each in result.opinions if each.agrees}
-
-    def is_partner(opinion: Opinion) -> bool:
-        if not isfinite(opinion.mode_hz) or isfinite(opinion.frequency_hz):
-            return False
-        return (mode := mode_of(opinion)).pair is Pair.RESOLVED and mode.order in confirmed
-
-    return [each for each in result.opinions if not (each.agrees or is_partner(each))]
 
 
 def _of_parameters(result: Result) -> Iterator[Remark]:

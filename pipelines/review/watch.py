@@ -18,12 +18,11 @@ from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.files import resolve
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.frf import FRF
+from ema.core.frf import FRF, TYRE_BAND_HZ
 from ema.core.references import frfs_of
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import read_headers
-from pipelines.results.options import TYRE_BAND_HZ
 from pipelines.results.tables import in_band
 
 _SETTLED_S = 2.0  # a file that has not changed for so long is written

@@ -8,7 +8,8 @@ import systems
 
 from ema.automatic import fit_modes
 from ema.core.errors import FitError
-from ema.poles.stability import PoleSelection, build_stability, select_poles
+from ema.poles.stability import build_stability, select_poles
+from ema.poles.tracking import PoleSelection
 
 REALISATIONS = 60
 # Small, so that it fits fast: three modes in the band and one above it, where a mode may stand in

@@ -20,7 +20,7 @@ from ema.fitting.evidence import (
 from ema.fitting.fit_steps import is_undetermined, shift_beside
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
 from ema.identify import identify_modes
-from ema.poles.stability import PoleSelection
+from ema.poles.tracking import PoleSelection
 
 LINES_HZ = np.arange(1, 600) / 4
 BAND_HZ = (20.0, 130.0)

@@ -10,7 +10,7 @@ from ema.automatic import fit_modes
 from ema.core.errors import FitError
 from ema.core.mac import frac
 from ema.core.recording import ExponentialWindow
-from ema.poles.stability import PoleSelection
+from ema.poles.tracking import PoleSelection
 from ema.signals.frf_estimation import estimate_frf
 
 ANGLES_DEG = np.arange(0.0, 360.0, 30.0)

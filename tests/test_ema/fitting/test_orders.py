@@ -9,7 +9,7 @@ import systems
 from ema.automatic import fit_modes
 from ema.circumference.orders import highest_order
 from ema.fitting.order_pair import OrderDecomposition
-from ema.poles.stability import PoleSelection
+from ema.poles.tracking import PoleSelection
 
 LINES_HZ = np.arange(100, 560) / 2
 POLES = systems.table_3_poles()

@@ -1,11 +1,15 @@
 """Another pole estimator on the same FRFs: agreeing, missing a mode, seeing one more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import systems
 
+from ema import identify_modes
 from ema.core.modes import Mode
 from ema.poles.stability import OTHER, second_opinion
+from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (40.0, 235.0)
 FRF = systems.tyre_frf(snr_db=30, positions=24, frequency_hz=np.arange(1, 700) / 2)
@@ -73,3 +77,21 @@ def test_where_it_sees_nothing_at_all_it_says_so():
     frf = systems.noise_free_frf(np.arange(1, 701) / 2, noise)
     (opinion,) = opinions_on([TABLE_3[0]], frf)
     assert np.isnan(opinion.frequency_hz)
+
+
+def test_what_it_errs_in_the_modes_own_frfs_too_is_no_contradiction():
+    """Pairs of 1 % at 26 dB; a mode whose damping is 30 % off is told from them."""
+    frf = systems.campaign_frf(truth_modes(split_percent=1.0), 26, seed=1)
+    model = identify_modes(frf, (60.0, 200.0)).model
+    asked = model.band_hz, "plscf", 40
+
+    def disputed(model, *models):
+        opinions = second_opinion(frf, model.modes, *asked, models=models)
+        return [k for k in range(len(model.modes)) if not opinions[k].agrees]
+
+    assert disputed(model)
+    assert not disputed(model, model)
+    main = model.modes[2]
+    pole = complex(main.pole.real * 1.3, main.pole.imag)
+    other = replace(model, modes=(*model.modes[:2], replace(main, pole=pole), *model.modes[3:]))
+    assert 2 in disputed(other, other)

@@ -8,7 +8,7 @@ from results import structure_result, tyre_result
 from systems import common_drift
 
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.modes import Flag, Pair
+from ema.core.modes import Flag
 from ema.identify import SensorMass
 from ema.poles.stability import Opinion
 from model.adequacy import Evidence, Reason, State
@@ -116,17 +116,6 @@ def test_a_second_estimator_that_sees_other_modes_is_bad(clean):
     alone = replace(apart, mode_hz=float("nan"))
     assert judge(replace(clean, opinions=(agreed, alone))).state == State.GOOD
     assert judge(replace(clean, opinions=(alone,) * 7)).state == State.BAD
-
-
-def test_a_second_estimator_that_sees_one_pole_for_a_pair_does_not_disagree(clean):
-    first, *others = clean.modal_model.modes
-    pair = [replace(first, member=name, pair=Pair.RESOLVED) for name in "ab"]
-    pair[1] = replace(pair[1], pole=1.003 * first.pole)
-    model = replace(clean.modal_model, modes=(*pair, *others))
-    seen = [Opinion("plscf", mode.frequency_hz, mode.frequency_hz, 0.04, True) for mode in pair]
-    unseen = replace(seen[1], frequency_hz=float("nan"), agrees=False)
-    for opinions, state in (((seen[0], unseen), State.GOOD), ((unseen,), State.DOUBTFUL)):
-        assert judge(replace(clean, modal_model=model, opinions=opinions)).state == state
 
 
 def test_a_mode_of_air_or_rim_is_stated_and_no_doubt(clean):
