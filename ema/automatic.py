@@ -298,7 +298,7 @@ class Basis:
     def stated(self, model: ModalModel) -> ModalModel:
         """The modes of a fit as a result states them."""
         if self.loaded is not None:
-            model = with_mass_std(model, self.loaded, self.fit.model)
+            model = with_mass_std(model, self.loaded, self.fit.model, self.frf)
         if self.stated_deg is None:
             return model
         modes = tuple(without_order(mode, _ANGLES_IN_DOUBT) for mode in model.modes)
@@ -433,8 +433,7 @@ def fit_modes(
         raise InputError("fit_modes", "poles and hz", rule, "Leave one of them out")
     else:
         selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    curve = curve_fit(frf, selection, band_hz or selection.band_hz, settings)
-    fit = EditedFit(curve)
+    fit = EditedFit(curve_fit(frf, selection, band_hz or selection.band_hz, settings))
     if pinned is None:
         return fit.model
 

@@ -14,12 +14,16 @@ from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.signals.leakage import has_leakage
 
 # Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
 _MASS_KNOWN = 0.01
 # How a pair answers across the force is found from its FRFs along it, to a tenth (laboratory
 # tyres), of which a member has more the less the force drives it.
 _ACROSS_KNOWN = 0.1
+# A resonance of half-width b, in lines of a Hann window, loses this share over b² of its height,
+# ∫w′² T²/(4π² ∫w²), and with it the force of a mass, which is a product of two FRFs.
+_BLUNTED = 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +81,13 @@ def is_drift_lost(loaded: ModalModel, bare: ModalModel) -> bool:
 
 
 def with_mass_std(
-    model: ModalModel, loaded: ModalModel, usual: ModalModel | None = None
+    model: ModalModel, loaded: ModalModel, usual: ModalModel | None = None, frf: FRF | None = None
 ) -> ModalModel:
     """The model of the bare tyre with what is not known of the compensation in its ±.
 
     The force of a mass is as wrong as gain and phase of the sensors that tell its motion: a phase
     turns a shift of frequency into damping. What is usual among shifts is that of the modes of
-    `usual`, by default the same.
+    `usual`, by default the same. Blocks of `frf` blunt sharp resonances.
     """
     bare_hz, loaded_hz = model.frequencies_hz, loaded.frequencies_hz
     others_hz = bare_hz if usual is None else usual.frequencies_hz
@@ -91,7 +95,10 @@ def with_mass_std(
         np.min(np.abs(hz[:, None] / loaded_hz - 1), axis=1) for hz in (bare_hz, others_hz)
     )
     # A mode that only one of both shows is shifted like the others.
-    known = np.hypot(_MASS_KNOWN, _ACROSS_KNOWN * (1 - _shares(model)))
+    blocks = frf.blocks if frf is not None and has_leakage(frf) else None
+    width_lines = bare_hz * model.damping_ratios * (blocks.block_s if blocks else np.inf)
+    blunted = _BLUNTED / width_lines**2
+    known = np.sqrt(_MASS_KNOWN**2 + (_ACROSS_KNOWN * (1 - _shares(model))) ** 2 + blunted**2)
     unknown = known * np.minimum(shift, 2 * np.median(others))
     variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
     modes = [

@@ -121,8 +121,10 @@ def _bared(
     force = np.repeat(circle_basis(np.zeros(1), basis.shape[1] // 2), len(names), axis=0)
     basis, run = np.concatenate([basis, force]), np.append(run, np.arange(len(names)))
     known, none = np.full((basis.shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
+    parts = [part for name in names for part in name.split("+")]
     for order, (poles, each) in across.items():
-        known[order - 1 : order] = synthesise(rows.frequency_hz, poles, each[None], none, none)
+        middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)
+        known[order - 1 : order] = synthesise(rows.frequency_hz, middle, each[None], none, none)
     push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift, known)
     values = rows.values + push[: -len(names)]
     bare = replace(frf, values=values[: frf.n_positions])

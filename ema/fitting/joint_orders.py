@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ema.core.numerics import one_blas_thread
+from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
@@ -20,6 +21,9 @@ from ema.fitting.variable_projection import Complex
 _UNEVEN = np.array([2e-5, 1e-3])
 # A member with less than this share of the other's residue is not driven.
 _NOT_DRIVEN = 1e-6
+# What one force sees of a pair tells what lies across the force where the members are apart by so
+# many standard deviations. A partner of 0.03 % of the response, a hertz off, made one member two.
+_PLACED_STD = 2.0
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
 # fifth of the error.
 _ROUNDS = 4
@@ -154,7 +158,7 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
         {
             o.order: o
             for o in curve.ring
-            if (o.is_main and o.shows_two(curve.settings) if alone else o.is_resolved and o.jointly)
+            if (_is_placed(o, curve.settings) if alone else o.is_resolved and o.jointly)
         }
         for curve in curves
     ]
@@ -180,6 +184,12 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
         for own, ring, each in zip(found, rings, change, strict=True):
             own[order] = ring[order].poles, each
     return found
+
+
+def _is_placed(order: RingOrder, settings: IdentificationSettings) -> bool:
+    """Whether one force tells where the members of a pair lie; across it there may be only one."""
+    placed = order.pair is not None and order.pair.split_std > _PLACED_STD
+    return placed and order.is_main and order.shows_two(settings)
 
 
 def _with_all_orders(curves: Sequence[CurveFit]) -> list[CurveFit]:

@@ -8,6 +8,8 @@ from ema.checks.sensor_mass import sensors_of_runs
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 
+BAND_HZ = (20.0, 260.0)
+
 
 def laboratory_and_modes(**effects):
     laboratory = Laboratory(Effects(duration_s=20.0, **effects))
@@ -15,7 +17,7 @@ def laboratory_and_modes(**effects):
     mass = None
     if campaign.sensor_mass_kg:
         mass = ema.SensorMass(campaign.sensor_mass_kg, sensors_of_runs(campaign))
-    return laboratory, ema.identify_modes(ema.estimate_frf(campaign), sensor_mass=mass)
+    return laboratory, ema.identify_modes(ema.estimate_frf(campaign), BAND_HZ, sensor_mass=mass)
 
 
 def driven(laboratory, order):

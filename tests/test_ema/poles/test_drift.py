@@ -34,13 +34,13 @@ def modes_moved_by(percent):
 def drifted(request):
     percent = DRIFTS[request.param]
     frf = systems.campaign_frf(TYRE, 26, seed=1, drift_percent=percent)
-    return percent, frf, identify_modes(frf)
+    return percent, frf, identify_modes(frf, BAND_HZ)
 
 
 @pytest.fixture(scope="module")
 def still():
     frf = systems.campaign_frf(TYRE, 26, seed=1)
-    return frf, identify_modes(frf)
+    return frf, identify_modes(frf, BAND_HZ)
 
 
 @given(st.floats(-0.5, 0.5))
@@ -124,7 +124,7 @@ def test_a_tyre_that_stays_as_it_is_does_not_drift(still):
 @pytest.mark.parametrize("seed", range(2, 6))
 def test_noise_alone_is_not_taken_for_drift(seed):
     frf = systems.campaign_frf(TYRE, 15, seed=seed)
-    assert not identify_modes(frf).model.drift.applied
+    assert not identify_modes(frf, BAND_HZ).model.drift.applied
 
 
 def test_synthesis_follows_the_state_of_each_run(drifted):
