@@ -11,7 +11,7 @@ from collections import defaultdict
 import numpy as np
 
 import model
-from model.parameters import DAMPING_NAMES, RingDamping, RingParameters
+from model.parameters import DAMPING_NAMES, RingDamping, RingParameters, TuningPriors
 
 RING = (
     "mass_per_area_kg_m2",
@@ -57,8 +57,15 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
     noise, wrong, masses, orders = how["noise"], how["wrong"], how["masses"], how["orders"]
     hz = model.natural_frequencies_hz(ring, orders, pressure_load=how["load"])
     ratios = model.damping_ratios(ring, damping, orders, pressure_load=how["load"])
+    hz = hz * (1 + how["form"] * rng.standard_normal(hz.size))
     hz = hz * (1 + noise * rng.standard_normal(hz.size))
+    hz *= 1 + how["order_1"] * rng.standard_normal() * (orders == 1)
     ratios = ratios * (1 + 5 * noise * rng.standard_normal(hz.size))
+    stated = {
+        "pressure_std": 0.01 * wrong,
+        "radius_std": 0.005 * wrong,
+        "order_1_std": how["order_1"],
+    }
     known = {"mean_radius_m": 0.005, "inflation_pressure_pa": 0.01}
     tyre = {
         name: getattr(ring, name) * (1 + wrong * std * rng.standard_normal())
@@ -71,9 +78,18 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
         tyre["modal_mass_std_kg"] = 0.001 * mass
         if masses == "width":
             tyre["belt_width_m"] = WIDTH_M * (1 + wrong * 0.03 * rng.standard_normal())
+    if how["torsion"]:
+        torsion = model.torsion_frequency_hz(ring, pressure_load=how["load"])
+        torsion *= 1 + np.hypot(noise, how["form"]) * rng.standard_normal()
+        tyre |= {"torsion_hz": torsion, "torsion_std_hz": noise * torsion}
     std = max(noise, 1e-5)
     found = model.tune_ring(
-        orders, hz, frequency_std_hz=std * hz, pressure_load=how["load"], **tyre
+        orders,
+        hz,
+        frequency_std_hz=std * hz,
+        pressure_load=how["load"],
+        priors=TuningPriors(**({} if how["defaults"] else stated)),
+        **tyre,
     )
     damped = model.identify_damping(
         found.ring,
@@ -90,14 +106,19 @@ SCENARIOS = {
     "exact": {},
     "noise 0.1 %": {"noise": 0.001},
     "noise 0.5 %": {"noise": 0.005},
+    "tyres, not rings": {"noise": 1e-4, "wrong": 1.0, "form": 0.005},
     "p0, a wrong": {"noise": 0.001, "wrong": 1.0},
+    "default ±": {"noise": 0.001, "wrong": 1.0, "defaults": True},
+    "torsion": {"noise": 0.001, "wrong": 1.0, "torsion": True},
+    "order 1 wrong": {"noise": 0.001, "wrong": 1.0, "order_1": 0.025},
     "p0, a wrong, follower": {"noise": 0.001, "wrong": 1.0, "load": "follower"},
     "4 orders": {"noise": 0.001, "orders": np.arange(1, 5)},
     "5 orders": {"noise": 0.001, "orders": np.arange(1, 6)},
     "masses, width": {"noise": 0.001, "wrong": 1.0, "masses": "width"},
     "masses, no width": {"noise": 0.001, "wrong": 1.0, "masses": "alone"},
 }
-BASE = {"noise": 0.0, "wrong": 0.0, "masses": "", "load": "dead", "orders": ORDERS}
+BASE = {"noise": 0.0, "wrong": 0.0, "form": 0.0, "order_1": 0.0, "masses": ""}
+BASE |= {"load": "dead", "orders": ORDERS, "torsion": False, "defaults": False}
 
 
 def coverage(name: str, n_tyres: int) -> None:

@@ -11,8 +11,16 @@ import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
 from model.arguments import Array
-from model.identifiability import OUTLIER, WRONG_VALUE, degrees_of_freedom
-from model.parameters import RING_NAMES, ModalMasses
+from model.identifiability import (
+    OUTLIER,
+    WRONG_VALUE,
+    degrees_of_freedom,
+    model_form_std,
+    order_1_is_tested,
+    restarted,
+    with_model_form,
+)
+from model.parameters import RING_NAMES
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
 
 _STARTS = 2  # of a tuning that another is compared with
@@ -20,9 +28,12 @@ _LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the m
 _MISFIT = 4.0  # standard deviations of the model form, rms, from which no ring fits
 _CLEAR = 4.0  # χ² by which this order explains the deviations better than any other: odds of 7
 _MOST_LIKELY = 2  # orders named where one of them is wrong
+_LEAST_SPARE = 3  # frequencies, from which on the others tell how close to a ring they are
 _TELLING = (MASS, RADIAL, CIRCUMFERENTIAL)  # parameters that a tyre does not have near a limit
-_SHIFT_P = 0.01  # probability of residuals so much smaller by chance with every order moved
-_SHIFT_GAIN = 25.0  # χ² by which moved orders must fit frequencies and modal masses better
+#: Probability of residuals so much smaller by chance with every order moved, were the residuals of
+#: both rings independent; they are nearly the same, so that healthy rings stay far below.
+_SHIFT_P = 0.05
+_SHIFT_GAIN = 25.0  # χ² of frequencies and modal masses that decides between moved orders and these
 _LEAST_ERROR = 1e-4  # relative error of a frequency below which none is compared
 
 
@@ -56,11 +67,13 @@ class Reason(StrEnum):
     TORSION = "torsion", "the torsion contradicts the frequencies", State.DOUBTFUL
     UNTESTED = "untested", "no more orders than unknowns: nothing tests the ring", State.DOUBTFUL
     BOUND = "at bound", "a parameter ended on a limit", State.DOUBTFUL
+    ORDER_1 = "order 1 not tested", "order 1 is not testable without the torsion", State.GOOD
+    NUMBERS = "orders not tested", "frequencies alone do not test the orders' numbers", State.GOOD
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """One reason against a tuned ring.
+    """One reason against a tuned ring, or what nothing tests (state good).
 
     Parameters
     ----------
@@ -83,7 +96,7 @@ class RingVerdict:
     Parameters
     ----------
     evidence : tuple of Evidence
-        What speaks against the ring; empty where nothing does.
+        What speaks against the ring, and what its data cannot test.
     chi2 : float or None
         Sum of squared deviations of the frequencies over their own variance and that of the model
         form; None where it has no degrees of freedom.
@@ -108,7 +121,12 @@ class RingVerdict:
     @property
     def is_good(self) -> bool:
         """Whether nothing speaks against the ring."""
-        return not self.evidence
+        return self.state is State.GOOD
+
+    @property
+    def against(self) -> tuple[Evidence, ...]:
+        """What speaks against the ring."""
+        return tuple(each for each in self.evidence if each.reason.state is not State.GOOD)
 
     @property
     def record(self) -> dict[str, Any]:
@@ -178,8 +196,10 @@ def judge_tuning(
     all_orders = search, values
     # A wrong unit of the modal masses moves no order: their scale is left open.
     search, values, found = _without_wrong_value(search, values)
+    if not found:
+        search, values, found = _without_wrong_order_1(search, values)
     if search.problem.torsion_hz is None:
-        all_orders = _restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
+        all_orders = restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
     whole = replace(search.problem, masses=problem.masses, belt_width_m=None)
     for order in search.problem.left_out:
         whole = _without_order(whole, order)
@@ -195,6 +215,13 @@ def judge_tuning(
         n_orders = int(problem.used.sum())
         detail = f"{n_orders} frequencies for {n_orders - spare} unknowns: no test of the ring"
         evidence.append(Evidence(Reason.UNTESTED, detail))
+    elif all(each.order != 1 for each in evidence) and not order_1_is_tested(search, values):
+        percent = f"{100 * problem.priors.order_1_std:g} %"
+        detail = (
+            "k_θ rests on order 1, which is not testable without the torsion: the ± of k_θ holds "
+            f"± {percent} of order 1"
+        )
+        evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(
         tuple(evidence),
         _chi2(search, values) if spare > 0 else None,
@@ -223,18 +250,13 @@ def _listed(own_hz: float, others_hz: Sequence[float]) -> str:
 
 def _without_order(problem: TuningProblem, order: int) -> TuningProblem:
     """The problem without one more order and its modal mass."""
-    masses = problem.masses
-    if masses is not None:
-        kept = masses.orders != order
-        masses = ModalMasses(masses.orders[kept], masses.mass_kg[kept], masses.relative_std[kept])
+    masses = problem.masses and problem.masses.without(order)
     return replace(problem, left_out=(*problem.left_out, order), masses=masses)
 
 
 def _moved_orders(problem: TuningProblem, step: int) -> TuningProblem:
     """The problem with every order moved by `step`, those of the modal masses included."""
-    masses = problem.masses
-    if masses is not None:
-        masses = replace(masses, orders=masses.orders + step)
+    masses = problem.masses and replace(problem.masses, orders=problem.masses.orders + step)
     left_out = tuple(order + step for order in problem.left_out)
     return replace(problem, orders=problem.orders + step, left_out=left_out, masses=masses)
 
@@ -276,12 +298,12 @@ def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, 
         return search, values, []
     doubted: dict[int, tuple[Search, Array]] = {}
     for order in problem.orders[problem.used].tolist():
-        doubted[order] = _restarted(_with_doubted_order(problem, order), search, values)
+        doubted[order] = restarted(_with_doubted_order(problem, order), search, values)
     costs = {order: _cost(*found) for order, found in doubted.items()}
     best = min(costs, key=lambda order: costs[order])
     likely = [order for order, cost in costs.items() if cost - costs[best] < _CLEAR]
     if problem.torsion_hz is not None:
-        alone, found = _restarted(replace(problem, torsion_hz=None), search, values)
+        alone, found = restarted(replace(problem, torsion_hz=None), search, values)
         gain, lead = before - _cost(alone, found), costs[best] - _cost(alone, found)
         if gain > OUTLIER**2 and lead > -_CLEAR:
             rival = best if lead < _CLEAR else None
@@ -294,7 +316,7 @@ def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, 
         changed = problem
         for order in likely:
             changed = _with_doubted_order(changed, order)
-    other, found = _restarted(changed, *doubted[best])
+    other, found = restarted(changed, *doubted[best])
     if chdtrc(spare, _chi2(other, found)) < _LEAST_P:
         return search, values, []
     if len(likely) > 1:
@@ -306,6 +328,27 @@ def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, 
     return other, found, [Evidence(Reason.ORDER, detail, order) for order in likely]
 
 
+def _without_wrong_order_1(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
+    """Leave out order 1 where the others are closer to a ring than tyres are, and it is not.
+
+    Of all orders it is tested least: only what the others leave of the model form may show it.
+    """
+    problem = search.problem
+    used = problem.orders[problem.used]
+    if problem.objective == "paper" or 1 not in used or degrees_of_freedom(search) < _LEAST_SPARE:
+        return search, values, []
+    others, found = restarted(_without_order(problem, 1), search, values)
+    off = problem.relative_deviations(others.ring(found))[problem.orders == 1][0]
+    if abs(off) < OUTLIER * problem.priors.model_form_std:
+        return search, values, []
+    sharper = with_model_form(search, model_form_std(others, found))
+    other, found, evidence = _without_wrong_value(*restarted(sharper.problem, sharper, values))
+    if all(each.order != 1 for each in evidence):
+        return search, values, []
+    other = with_model_form(other, problem.priors.model_form_std)
+    return *restarted(other.problem, other, found), evidence
+
+
 def _without_torsion(
     problem: TuningProblem, alone: Search, found: Array, gain: float, rival: int | None
 ) -> tuple[Search, Array, list[Evidence]]:
@@ -315,7 +358,7 @@ def _without_torsion(
     detail = f"the torsion is {ratio:.3g} times that of the ring (χ² +{gain:.0f}) and not used"
     if rival is not None:
         detail += f"; order {rival} may be the wrong one"
-        alone, found = _restarted(_with_doubted_order(alone.problem, rival), alone, found)
+        alone, found = restarted(_with_doubted_order(alone.problem, rival), alone, found)
     return alone, found, [Evidence(Reason.TORSION, detail, rival)]
 
 
@@ -349,36 +392,35 @@ def _shifted(
     """Whether all orders moved by one fit better; `problem` still has every modal mass.
 
     A wrong ring may come within the model form of all frequencies. It is the worse one where the
-    other leaves far smaller residuals (F test), or fits modal masses that it does not. An order
-    left out is part of the F test: moved, it may belong to the ring.
+    other leaves far smaller residuals (F test) and modal masses do not contradict, or where it
+    fits modal masses that this one does not. An order left out is part of the F test: moved, it may
+    belong to the ring.
     """
     spare = degrees_of_freedom(all_orders[0])
     if search.problem.objective == "paper" or spare <= 0:
         return []
     limit = fdtri(spare, spare, 1 - _SHIFT_P)
-    own_cost, own = _cost(*_restarted(problem, search, values)), _squares(*all_orders)
+    own_cost, own = _cost(*restarted(problem, search, values)), _squares(*all_orders)
+    rivals = []
     for step in (-1, 1):
         if problem.orders.min() + step < 1:
             continue
         alone = plan_search(_moved_orders(all_orders[0].problem, step))
         found, _ = alone.run(_STARTS)
         ratio = own / _squares(alone, found)
-        gain = own_cost - _cost(*_restarted(_moved_orders(problem, step), alone, found))
-        if ratio > limit or gain > _SHIFT_GAIN:
+        gain = own_cost - _cost(*restarted(_moved_orders(problem, step), alone, found))
+        if gain > _SHIFT_GAIN or (ratio > limit and gain > -_SHIFT_GAIN):
             detail = (
                 f"with every order {step:+d} the residuals are {np.sqrt(ratio):.3g} times smaller "
                 f"and χ² changes by {-gain:+.3g}"
             )
             return [Evidence(Reason.SHIFTED, detail.replace("-", "−"))]
-    return []
-
-
-def _restarted(problem: TuningProblem, search: Search, values: Array) -> tuple[Search, Array]:
-    """Tune a similar problem from the solution of another."""
-    other = plan_search(problem)
-    start = dict(zip(search.free, values.tolist(), strict=True))
-    near = [start.get(name, size) for name, size in zip(other.free, other.scale, strict=True)]
-    return other, other.solution(np.array(near))
+        if ratio > 1 / limit and gain > -_SHIFT_GAIN:
+            rivals.append(f"{step:+d}".replace("-", "−"))
+    if not rivals:
+        return []
+    detail = f"with every order {' or '.join(rivals)} a ring fits these frequencies about as well"
+    return [Evidence(Reason.NUMBERS, detail)]
 
 
 def _cost(search: Search, values: Array) -> float:

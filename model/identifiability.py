@@ -12,24 +12,22 @@ from model.arguments import Array, ReadonlyArrays, whole_orders
 from model.coefficients import PressureLoad
 from model.parameters import RING_NAMES, RingParameters
 from model.ring import natural_frequencies_hz
-from model.tuning_problem import WIDTH, Search
+from model.tuning_problem import WIDTH, Search, TuningProblem, plan_search
 
 GIVEN = "given"
 IDENTIFIED = "identified"
 NOT_IDENTIFIED = "not identified"
 AT_BOUND = "at bound"
 
-#: A standard deviation above this share of the value means that the data do not determine it: two
-#: of them are then half the value.
-LARGEST_RELATIVE_STD = 0.25
+#: A standard deviation above this share of the value means that the data do not determine it. Half
+#: the value is then 2.5 of them: rarely off by that much, though large values are picked.
+LARGEST_RELATIVE_STD = 0.2
 #: Relative error of one frequency that is wrong: the other member of a split pair, a neighbouring
 #: mode, a rim that gives way. A larger one is not expected.
 WRONG_VALUE = 0.05
 #: Standard deviations from which on one value among all others is told to be wrong: 0.4 % of eight
 #: right ones.
 OUTLIER = 3.5
-_UNCHECKED = 0.05  # redundancy below which it leaves two standard deviations of the model form
-_LARGEST_HIDDEN = 0.5  # share of a parameter by which such an error, unseen, may change it
 _RANK = 1e-9  # singular value over the largest one that counts as zero
 #: Parameters that the frequencies of a ring depend on, besides its radius.
 SENSITIVE = (
@@ -42,8 +40,10 @@ SENSITIVE = (
 )
 _STEP = 1e-4  # relative; central differences then err by about 1e-8
 _CHANGE = 1e-4  # relative; of pressure, radius and held values
-#: Weight of the prior model form, in degrees of freedom, beside the residuals.
-_FORM_WEIGHT = 2.0
+#: Largest over smallest model form that is likely before the data, each size as likely as another:
+#: from a ring in a computer, exact but for rounding, to a tyre whose rim or bead gives way.
+_FORM_RANGE = 50.0
+_FORM_SIZES = 100  # that are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +155,7 @@ def assess(
     These are `given`, or else follow from the residuals; `nominal` decides where neither is known,
     and no standard deviations are stated then. `further` is a covariance from other causes. A
     parameter is not identified where it is undetermined (see `LinearFit.undetermined`), or where
-    its standard deviation exceeds a quarter of its value.
+    its standard deviation exceeds a fifth of its value.
     """
     relative, note = _error_level(fit, residual, given)
     known = bool(np.all(np.isfinite(relative)))
@@ -213,19 +213,41 @@ class Spread(ReadonlyArrays):
 
 
 def model_form_std(search: Search, values: Array) -> float:
-    """Relative deviation of ring and tyre: the prior one and the residuals' together.
+    """Relative deviation of ring and tyre, rms, of what the residuals leave of the prior.
 
-    A scaled inverse χ² of two degrees of freedom is the prior: without spare data it remains.
+    The prior is uniform in the logarithm and has the stated value as its rms, which remains without
+    spare data. Few residuals that happen to be small narrow it little: large ones stay possible.
     """
     problem = search.problem
     used, prior = problem.used, problem.priors.model_form_std
     own = np.zeros(problem.orders.size) if problem.relative_std is None else problem.relative_std
     spare = degrees_of_freedom(search)
-    if spare <= 0:
+    if spare <= 0 or not prior:
         return prior
-    squares = np.sum(problem.relative_deviations(search.ring(values))[used] ** 2)
-    excess = max(float(squares - spare * np.mean(own[used] ** 2)), 0.0)
-    return float(np.sqrt((_FORM_WEIGHT * prior**2 + excess) / (_FORM_WEIGHT + spare)))
+    own_variance = float(np.mean(own[used] ** 2))
+    squares = float(np.sum(problem.relative_deviations(search.ring(values))[used] ** 2))
+    size = np.geomspace(1.0 / _FORM_RANGE, 1.0, _FORM_SIZES)
+    size *= prior / np.sqrt(np.mean(size**2))
+    variance = size**2 + own_variance
+    logarithm = -0.5 * (spare * np.log(variance) + squares / variance)
+    likely = np.exp(logarithm - logarithm.max())
+    excess = max(squares / spare - own_variance, 0.0)  # may be beyond all that is likely
+    return float(np.sqrt(max(np.average(size**2, weights=likely), excess)))
+
+
+def restarted(problem: TuningProblem, search: Search, values: Array) -> tuple[Search, Array]:
+    """Tune a similar problem from the solution of another."""
+    other = plan_search(problem)
+    start = dict(zip(search.free, values.tolist(), strict=True))
+    near = [start.get(name, size) for name, size in zip(other.free, other.scale, strict=True)]
+    return other, other.solution(np.array(near))
+
+
+def with_model_form(search: Search, std: float) -> Search:
+    """The search with another deviation of the tyre from a ring."""
+    problem = search.problem
+    priors = replace(problem.priors, model_form_std=std)
+    return replace(search, problem=replace(problem, priors=priors))
 
 
 def degrees_of_freedom(search: Search) -> int:
@@ -235,8 +257,11 @@ def degrees_of_freedom(search: Search) -> int:
     return int(search.problem.used.sum()) - free
 
 
-def posterior_spread(search: Search, values: Array) -> Spread:
-    """Covariance of the ring's parameters for all errors that the problem states."""
+def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = True) -> Spread:
+    """Covariance of the ring's parameters for all errors that the problem states.
+
+    Where nothing tests order 1, those that it may have are among them.
+    """
     problem, bound = search.problem, search.at_bound(values)
     slope = search.with_slope(values)[:, 1:]
     ring = search.ring(values)
@@ -246,6 +271,8 @@ def posterior_spread(search: Search, values: Array) -> Spread:
     names = tuple(name for name, held in zip(search.free, bound, strict=True) if not held)
     fit = LinearFit(names, values[~bound], slope[:, ~bound], np.ones(slope.shape[0]))
     known = _known_changes(search, values)
+    if not order_1_tested:
+        known.append((_order_1_change(search, problem.priors.order_1_std), {}))
     moved = np.zeros((values.size, errors.shape[1] + len(known)))
     moved[~bound] = fit.moved(np.column_stack([errors, *(change for change, _ in known)]))
     if bound.any():
@@ -265,22 +292,28 @@ def posterior_spread(search: Search, values: Array) -> Spread:
     return Spread(names, total @ total.T, fit, free_std)
 
 
-def rests_on_one_value(search: Search, fit: LinearFit) -> dict[str, bool]:
-    """Whether one wrong frequency or torsion that nothing checks would change a parameter by half.
+def order_1_is_tested(search: Search, values: Array) -> bool:
+    """Whether the other data would tell that order 1 is wrong; where it is not used, they need not.
 
-    External reliability (Baarda 1968): an error e of one value leaves √r·e in its residual, with
-    the redundancy r that the other values give it. Without spare frequencies the verdict says so
-    of the whole ring; eq 18 has no test.
+    An error e of one value leaves √r·e in its residual, with the redundancy r that the others give
+    it (Baarda 1968). The deviation of the tyre from a ring is that of the residuals.
     """
+    if search.problem.objective == "paper" or 1 not in search.problem.orders[search.problem.used]:
+        return True
+    search = with_model_form(search, model_form_std(search, values))
+    wrong = _order_1_change(search, WRONG_VALUE)
+    slope = search.with_slope(values)[:, 1:] * search.scale
+    own = wrong - slope @ (np.linalg.pinv(slope, rcond=_RANK) @ wrong)
+    return float(wrong @ own) > OUTLIER**2
+
+
+def _order_1_change(search: Search, error: float) -> Array:
+    """Change of the residuals by a relative error of order 1."""
     problem = search.problem
-    if problem.objective == "paper" or degrees_of_freedom(search) <= 0:
-        return {}
-    largest = WRONG_VALUE / problem.single_errors
-    moved = fit.moved(np.eye(fit.residual_slope.shape[0], largest.size))
-    redundancy = 1.0 + np.sum(fit.residual_slope[: largest.size] * moved.T, axis=1)
-    hidden = np.minimum(largest, OUTLIER / np.sqrt(np.maximum(redundancy, _RANK)))
-    change = np.abs(moved * hidden)[:, redundancy < _UNCHECKED].max(axis=1, initial=0.0)
-    return dict(zip(fit.names, (change > _LARGEST_HIDDEN * fit.values).tolist(), strict=True))
+    place = int(np.flatnonzero(problem.orders[problem.used] == 1)[0])
+    change = np.zeros(search.residual(search.scale).size)
+    change[place] = error / problem.single_errors[place]
+    return change
 
 
 def _ring_rows(search: Search, values: Array) -> dict[str, Array]:

@@ -20,14 +20,14 @@ from model.identifiability import (
     IDENTIFIED,
     LARGEST_RELATIVE_STD,
     NOT_IDENTIFIED,
-    WRONG_VALUE,
     Correlation,
     Sensitivity,
     Spread,
     frequency_sensitivity,
     model_form_std,
+    order_1_is_tested,
     posterior_spread,
-    rests_on_one_value,
+    with_model_form,
 )
 from model.parameters import (
     RING_NAMES,
@@ -150,7 +150,7 @@ class TuningResult(ReadonlyArrays):
         identified = [RING_NAMES[name][1] for name, how in self.how.items() if how == IDENTIFIED]
         orders = ", ".join(str(order) for order in self.orders)
         worst = float(np.max(np.abs(self.error_percent)))
-        against = "".join(f"; {each.reason.meaning}" for each in self.verdict.evidence)
+        against = "".join(f"; {each.reason.meaning}" for each in self.verdict.against)
         return (
             f"<TuningResult: orders {orders}, largest deviation {worst:.2f} %, "
             f"identified {', '.join(identified) or 'nothing'}{against}>"
@@ -298,12 +298,12 @@ def tune_ring(
 
 def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
     search, values, starts, verdict = judge_tuning(problem, *of_rim)
-    form = model_form_std(search, values)
-    problem = replace(search.problem, priors=replace(search.problem.priors, model_form_std=form))
-    search = replace(search, problem=problem)
+    form, tested = model_form_std(search, values), order_1_is_tested(search, values)
+    search = with_model_form(search, form)
+    problem = search.problem
     values = search.solution(values)
     ring = search.ring(values)
-    spread = posterior_spread(search, values)
+    spread = posterior_spread(search, values, order_1_tested=tested)
     how = _how(search, values, spread)
     return TuningResult(
         ring=ring,
@@ -318,7 +318,7 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
             ring, problem.orders, pressure_load=problem.pressure_load
         ),
         objective=problem.objective,
-        notes=(*_remarks(search, spread, how, form), starts),
+        notes=(*_remarks(search, how, form), starts),
         verdict=verdict,
         pressure_load=problem.pressure_load,
         covariance=spread.covariance,
@@ -368,7 +368,7 @@ def _correlation(spread: Spread, how: dict[str, str]) -> Correlation:
     return Correlation(names, spread.covariance[np.ix_(kept, kept)] / np.outer(size, size))
 
 
-def _remarks(search: Search, spread: Spread, how: dict[str, str], form: float) -> list[str]:
+def _remarks(search: Search, how: dict[str, str], form: float) -> list[str]:
     """Sentences on what the frequencies do not determine."""
     problem, priors = search.problem, search.priors
     remarks = [
@@ -395,18 +395,11 @@ def _remarks(search: Search, spread: Spread, how: dict[str, str], form: float) -
     for name in search.free:
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
-                f"The {_title(name)} is not identified: its standard deviation exceeds a quarter "
+                f"The {_title(name)} is not identified: its standard deviation exceeds a fifth "
                 "of its value, or other parameters can replace it."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")
-    for name, alone in rests_on_one_value(search, spread.fit).items():
-        if alone and how.get(name) == IDENTIFIED:
-            remarks.append(
-                f"The {_title(name)} rests on one frequency that no other checks: if that were "
-                f"{100 * WRONG_VALUE:g} % off, it would change by more than half and nothing would "
-                "show it. Tangential sensors, which measure the torsion, check k_θ."
-            )
     return remarks
 
 

@@ -276,13 +276,17 @@ def rim_frequencies_hz(modal_model: ModalModel) -> tuple[float, ...]:
 
 def verdict_findings(verdict: RingVerdict) -> list[Finding]:
     """The verdict on the ring, one finding for each piece of evidence."""
-    if verdict.is_good:
-        text = f"orders {', '.join(map(str, verdict.orders_used))} are those of a ring"
-        return [Finding("", "", None, Check.RING, Verdict.OK, text)]
-    return [
-        Finding("", "", None, Check.RING, Verdict.WARNING, f"{each.reason}: {each.detail}")
+    found = [
+        (
+            Verdict.WARNING if each in verdict.against else Verdict.OK,
+            f"{each.reason}: {each.detail}",
+        )
         for each in verdict.evidence
     ]
+    if verdict.is_good:
+        orders = ", ".join(map(str, verdict.orders_used))
+        found.insert(0, (Verdict.OK, f"orders {orders} are those of a ring"))
+    return [Finding("", "", None, Check.RING, *each) for each in found]
 
 
 def refuse_warnings(findings: Sequence[Finding]) -> None:

@@ -148,8 +148,8 @@ def _verdict(tuning: TuningResult) -> Paragraph:
     """Whether a ring describes the tyre, and the pressure model of the parameters."""
     found = tuning.verdict
     orders = ", ".join(map(str, found.orders_used))
-    fits = "the ring has the measured frequencies" if found.is_good else found.text()
-    says = f"{fits[0].upper()}{fits[1:]}"
+    fits = "The ring has the measured frequencies" if found.is_good else found.state.capitalize()
+    says = "; ".join((fits, *(each.detail for each in found.evidence)))
     text = f"{says}. Orders used: {orders}. Pressure: {tuning.pressure_load} load."
     return Paragraph(text, TONES[found.state])
 

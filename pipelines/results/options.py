@@ -18,7 +18,11 @@ from model.parameters import TuningPriors
 #: Pressure model of a tuning: that of the paper.
 DEFAULT_LOAD: PressureLoad = "dead"
 #: Shares of a value, and the field of `TuningPriors` for each.
-_SHARES = {"calibration": "calibration_std", "model_form": "model_form_std"}
+_SHARES = {
+    "calibration": "calibration_std",
+    "model_form": "model_form_std",
+    "order_1": "order_1_std",
+}
 #: Values that are given elsewhere, in SI.
 _SPREADS = {
     "inflation_pressure_pa": "pressure_std",

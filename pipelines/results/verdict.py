@@ -357,8 +357,8 @@ class Basis:
         doubted: set[int | None] = set()
         if self.verdict is not None:
             doubted |= {*self.verdict.orders_left_out}
-            doubted |= {each.order for each in self.verdict.evidence if each.order is not None}
-            if any(each.reason is Reason.RIM for each in self.verdict.evidence):
+            doubted |= {each.order for each in self.verdict.against if each.order is not None}
+            if any(each.reason is Reason.RIM for each in self.verdict.against):
                 doubted.add(1)
         return {each.order: each for each in self.measured if each.order not in doubted}
 

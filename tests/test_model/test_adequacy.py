@@ -14,6 +14,8 @@ TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
 RING = replace(TABLE_4_RING, circumferential_stiffness_n_m3=1.6e6)
 TRUTH_HZ = natural_frequencies_hz(RING, ORDERS)
 MASSES_KG = modal_mass_kg(RING, ORDERS)
+#: Of frequencies around those of a ring, as tyres have it.
+SCATTER = 1 + 0.004 * np.array([1, -1, -1, 1, 1, -1, 1, -1])
 FREE = ("mass_per_area_kg_m2", "radial_stiffness_n_m3", "circumferential_stiffness_n_m3")
 
 
@@ -24,7 +26,7 @@ def tuned(frequencies_hz=TRUTH_HZ, orders=ORDERS, **options):
 
 
 def reasons(result):
-    return [each.reason for each in result.verdict.evidence]
+    return [each.reason for each in result.verdict.against]
 
 
 def assert_within(result, names=FREE, most=2.0):
@@ -52,30 +54,39 @@ def test_an_order_that_does_not_belong_is_named_and_left_out(order):
 
 
 def test_order_1_is_named_where_it_leaves_no_circumferential_stiffness():
-    truth_hz = natural_frequencies_hz(TABLE_4_RING, ORDERS)
+    truth_hz = SCATTER * natural_frequencies_hz(TABLE_4_RING, ORDERS)
     result = tuned(np.where(ORDERS == 1, 0.95, 1.0) * truth_hz)
-    assert [(each.reason, each.order) for each in result.verdict.evidence] == [(Reason.BOUND, 1)]
+    assert [(each.reason, each.order) for each in result.verdict.against] == [(Reason.BOUND, 1)]
     torsion_hz = torsion_frequency_hz(TABLE_4_RING, pressure_load="dead")
     above = tuned(np.where(ORDERS == 1, 1.05, 1.0) * truth_hz, torsion_hz=torsion_hz)
-    assert [(each.reason, each.order) for each in above.verdict.evidence] == [(Reason.TORSION, 1)]
+    assert [(each.reason, each.order) for each in above.verdict.against] == [(Reason.TORSION, 1)]
     below = tuned(np.where(ORDERS == 1, 0.95, 1.0) * truth_hz, torsion_hz=torsion_hz)
-    assert 1 in [each.order for each in below.verdict.evidence]
+    assert 1 in [each.order for each in below.verdict.against]
 
 
-def test_that_circumferential_stiffness_rests_on_order_1_alone_is_said():
-    """A wrong order 1 makes another k_θ, and nothing shows it; the torsion does."""
+@pytest.mark.parametrize("share", [0.95, 1.05])
+def test_order_1_is_named_where_the_others_are_those_of_a_ring(share):
+    result = tuned(np.where(ORDERS == 1, share, 1.0) * TRUTH_HZ, modal_mass_kg=MASSES_KG)
+    assert set(reasons(result)) == {Reason.ORDER}
+    assert 1 in [each.order for each in result.verdict.against]
+    assert_within(result)
+
+
+@pytest.mark.parametrize("ring", [RING, TABLE_4_RING])
+def test_a_wrong_order_1_of_a_tyre_is_within_the_circumferential_stiffness(ring):
+    """It makes another k_θ with residuals as of tyres, and nothing but torsion tells."""
     name = "circumferential_stiffness_n_m3"
-    torsion_hz = torsion_frequency_hz(TABLE_4_RING, pressure_load="dead")
-    truth_hz = natural_frequencies_hz(TABLE_4_RING, ORDERS)
-    alone, both = tuned(truth_hz), tuned(truth_hz, torsion_hz=torsion_hz)
-    assert alone.how[name] == both.how[name] == "identified"
-    assert [any("no other checks" in note for note in each.notes) for each in (alone, both)] == [
-        True,
-        False,
-    ]
-    wrong_hz = np.where(ORDERS == 1, 1.05, 1.0) * truth_hz
-    assert tuned(wrong_hz).verdict.is_good
-    assert not tuned(wrong_hz, torsion_hz=torsion_hz).verdict.is_good
+    truth_hz = SCATTER * natural_frequencies_hz(ring, ORDERS)
+    wrong = tuned(np.where(ORDERS == 1, 1.05, 1.0) * truth_hz)
+    assert wrong.verdict.is_good
+    assert (Reason.ORDER_1, 1) in [(each.reason, each.order) for each in wrong.verdict.evidence]
+    found, right = getattr(wrong.ring, name), tuned(truth_hz)
+    assert found - getattr(right.ring, name) < 2.1 * wrong.std[name]
+    assert found - getattr(ring, name) < 0.5 * found or wrong.how[name] == "not identified"
+    torsion_hz = torsion_frequency_hz(ring, pressure_load="dead")
+    tested = tuned(truth_hz, torsion_hz=torsion_hz)
+    assert Reason.ORDER_1 not in [each.reason for each in tested.verdict.evidence]
+    assert tested.std[name] < 0.3 * right.std[name]
 
 
 @pytest.mark.parametrize(("order", "share"), [(2, 1.05), (2, 0.95), (8, 1.05)])
@@ -92,6 +103,14 @@ def test_shifted_orders_are_bad(step):
     result = tuned(frequencies_hz, ORDERS + 1 + step)
     assert Reason.SHIFTED in reasons(result)
     assert result.verdict.state is State.BAD
+
+
+def test_numbers_of_orders_that_frequencies_do_not_test_are_said():
+    result = tuned(SCATTER * TRUTH_HZ)
+    assert result.verdict.is_good
+    assert Reason.NUMBERS in [each.reason for each in result.verdict.evidence]
+    weighed = tuned(SCATTER * TRUTH_HZ, modal_mass_kg=MASSES_KG)
+    assert Reason.NUMBERS not in [each.reason for each in weighed.verdict.evidence]
 
 
 def test_shifted_orders_are_bad_where_all_but_the_lowest_fit():
@@ -113,14 +132,14 @@ def test_a_torsion_that_contradicts_the_frequencies_is_not_used():
     torsion_hz = 0.8 * torsion_frequency_hz(RING, pressure_load="dead")
     result = tuned(torsion_hz=torsion_hz, torsion_std_hz=0.02)
     assert reasons(result) == [Reason.TORSION]
-    assert "0.798 times" in result.verdict.evidence[0].detail
+    assert "0.79" in result.verdict.evidence[0].detail
     assert_within(result)
 
 
-def test_identified_means_that_twice_the_error_is_within_half_the_value():
+def test_identified_means_that_two_and_a_half_errors_are_within_half_the_value():
     result = tuned(torsion_hz=torsion_frequency_hz(RING, pressure_load="dead"))
     for name in (*FREE, "bending_stiffness_n_m"):
-        known = result.std[name] <= 0.25 * getattr(result.ring, name)
+        known = 2.5 * result.std[name] <= 0.5 * getattr(result.ring, name)
         assert (result.how[name] == "identified") == known, name
 
 
@@ -181,7 +200,7 @@ def test_modal_masses_give_the_belt_mass_without_a_belt_width():
 def test_modal_masses_determine_the_membrane_stiffness_where_all_else_is_well_known():
     priors = TuningPriors(0.001, 0.0005, 0.001, 0.002, 0.001)
     result = tuned(modal_mass_kg=MASSES_KG, belt_width_m=0.19, priors=priors)
-    assert result.how["axial_stiffness_n_m"] == "identified"
+    assert result.std["axial_stiffness_n_m"] < 0.25 * result.ring.axial_stiffness_n_m
     assert_within(result, (*FREE, "axial_stiffness_n_m"))
 
 
@@ -189,13 +208,13 @@ def test_modal_masses_that_contradict_the_frequencies_are_not_used():
     plain = tuned(belt_width_m=0.19)
     result = tuned(modal_mass_kg=9.81 * MASSES_KG, belt_width_m=0.19)
     assert reasons(result) == [Reason.MASSES]
-    assert "9.9 times" in result.verdict.evidence[0].detail
+    assert "9.87 times" in result.verdict.evidence[0].detail
     assert asdict(result.ring) == pytest.approx(asdict(plain.ring), rel=1e-9)
 
 
 @pytest.mark.parametrize("load", ["dead", "follower"])
 def test_a_measured_torsion_is_met(load):
-    frequencies_hz = natural_frequencies_hz(RING, ORDERS, pressure_load="follower")
+    frequencies_hz = SCATTER * natural_frequencies_hz(RING, ORDERS, pressure_load="follower")
     torsion_hz = torsion_frequency_hz(RING, pressure_load="follower")
     result = tuned(frequencies_hz, torsion_hz=torsion_hz, torsion_std_hz=0.01, pressure_load=load)
     assert torsion_frequency_hz(result.ring, pressure_load=load) == pytest.approx(

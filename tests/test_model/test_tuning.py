@@ -22,7 +22,7 @@ from model.tuning_problem import TuningProblem
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
 MASS = {"mass_per_area_kg_m2": 19.69}
 #: Only the errors of the frequencies.
-EXACT = {"priors": TuningPriors(0.0, 0.0, 0.0, 0.0, 1e-6)}
+EXACT = {"priors": TuningPriors(0.0, 0.0, 0.0, 0.0, 1e-6, 0.0)}
 
 
 def test_every_frequency_of_table_3_within_one_percent():
@@ -160,10 +160,10 @@ def test_follower_pressure_is_tuned_with_its_own_frequencies(objective):
 
 
 def test_a_parameter_at_a_bound_is_reported():
-    bounds = {"circumferential_stiffness_n_m3": (0.0, 1e6)}
+    bounds = {"circumferential_stiffness_n_m3": (0.0, 8e5)}
     result = tune_ring(ORDERS, MEASURED, given=MASS, bounds=bounds, **TYRE)
     assert result.how["circumferential_stiffness_n_m3"] == "at bound"
-    assert result.ring.circumferential_stiffness_n_m3 == 1e6
+    assert result.ring.circumferential_stiffness_n_m3 == 8e5
     assert result.std["circumferential_stiffness_n_m3"] > 0  # of what lies inside the bounds
     assert "circumferential_stiffness_n_m3" not in result.correlation.parameters
     assert any("k_θ" in note and "bound" in note for note in result.notes)

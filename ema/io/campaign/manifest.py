@@ -282,8 +282,9 @@ class TuningSection(_Section):
     inflation_pressure_pa: SpreadSection | None = None
     mean_radius_m: SpreadSection | None = None
     belt_width_m: SpreadSection | None = None
-    calibration: SpreadSection | None = None  # these two are shares
+    calibration: SpreadSection | None = None  # these three are shares
     model_form: SpreadSection | None = None
+    order_1: SpreadSection | None = None
 
     def table(self) -> dict[str, Any]:
         """Every key that is given; a plain number is a value without standard deviation."""
