@@ -219,7 +219,7 @@ def judge_tuning(
         percent = f"{100 * problem.priors.order_1_std:g} %"
         detail = (
             "k_θ rests on order 1, which is not testable without the torsion: the ± of k_θ holds "
-            f"± {percent} of order 1"
+            f"± {percent} of order 1, those of other parameters none"
         )
         evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(

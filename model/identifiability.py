@@ -12,7 +12,7 @@ from model.arguments import Array, ReadonlyArrays, whole_orders
 from model.coefficients import PressureLoad
 from model.parameters import RING_NAMES, RingParameters
 from model.ring import natural_frequencies_hz
-from model.tuning_problem import WIDTH, Search, TuningProblem, plan_search
+from model.tuning_problem import CIRCUMFERENTIAL, WIDTH, Search, TuningProblem, plan_search
 
 GIVEN = "given"
 IDENTIFIED = "identified"
@@ -260,7 +260,7 @@ def degrees_of_freedom(search: Search) -> int:
 def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = True) -> Spread:
     """Covariance of the ring's parameters for all errors that the problem states.
 
-    Where nothing tests order 1, those that it may have are among them.
+    Where nothing tests order 1, k_θ, which rests on it, has the error that it may have besides.
     """
     problem, bound = search.problem, search.at_bound(values)
     slope = search.with_slope(values)[:, 1:]
@@ -271,8 +271,10 @@ def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = Tr
     names = tuple(name for name, held in zip(search.free, bound, strict=True) if not held)
     fit = LinearFit(names, values[~bound], slope[:, ~bound], np.ones(slope.shape[0]))
     known = _known_changes(search, values)
-    if not order_1_tested:
-        known.append((_order_1_change(search, problem.priors.order_1_std), {}))
+    if not order_1_tested and CIRCUMFERENTIAL in names:
+        change = _order_1_change(search, problem.priors.order_1_std)
+        own = float(fit.moved(change)[names.index(CIRCUMFERENTIAL)])
+        known.append((np.zeros_like(change), {CIRCUMFERENTIAL: own}))
     moved = np.zeros((values.size, errors.shape[1] + len(known)))
     moved[~bound] = fit.moved(np.column_stack([errors, *(change for change, _ in known)]))
     if bound.any():
@@ -293,12 +295,14 @@ def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = Tr
 
 
 def order_1_is_tested(search: Search, values: Array) -> bool:
-    """Whether the other data would tell that order 1 is wrong; where it is not used, they need not.
+    """Whether the other data would tell that order 1 is wrong; where none is, they need not.
 
     An error e of one value leaves √r·e in its residual, with the redundancy r that the others give
     it (Baarda 1968). The deviation of the tyre from a ring is that of the residuals.
     """
-    if search.problem.objective == "paper" or 1 not in search.problem.orders[search.problem.used]:
+    problem = search.problem
+    is_free_of_it = problem.objective == "paper" or 1 not in problem.orders[problem.used]
+    if is_free_of_it or not problem.priors.order_1_std:
         return True
     search = with_model_form(search, model_form_std(search, values))
     wrong = _order_1_change(search, WRONG_VALUE)

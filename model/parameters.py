@@ -272,8 +272,8 @@ class TuningPriors:
     model_form_std : float
         Deviation of a tyre's frequencies from those of a ring; the paper's are within 0.5 %.
     order_1_std : float
-        Of order 1 besides, in the ± where no torsion tests it: this order alone moves the rim. A
-        fixture with a mode at 300 Hz and a rim of 10 kg lowers it by 3 %.
+        Of order 1 besides, in the ± of k_θ where no torsion tests it: this order alone moves the
+        rim. A fixture with a mode at 300 Hz and a rim of 10 kg lowers it by 3 %.
     parameters : mapping of str to (float, float)
         Value and standard deviation in SI of parameters of `RingParameters` or of
         ``radial_growth_m``.
