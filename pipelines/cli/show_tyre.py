@@ -19,6 +19,7 @@ from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.cli.screen import print_table
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.library.history import Series, SetDifference, TyreHistory, stated, verdict_text
+from pipelines.library.library import NamedSet
 from pipelines.library.version import Version, values_of
 from pipelines.plots import ring as ring_plots
 from pipelines.plots.draw import draw_plot, write_figure
@@ -26,7 +27,7 @@ from pipelines.plots.plot import Plot
 from pipelines.report.ring import headings, trend_row
 from pipelines.results.options import Units, with_unit
 from pipelines.results.parameter_set import ParameterSet
-from pipelines.results.verdict import basis_records
+from pipelines.results.verdict import accepted_verdict, basis_records
 from pipelines.simulate import responses
 from pipelines.storage.tables import write_table
 
@@ -80,6 +81,12 @@ def accepts(parameters: ParameterSet, question: str, *, given: bool, asks: bool)
         echo("Nothing was written.")
         raise typer.Exit
     return True
+
+
+def require_accepted(found: NamedSet, *, given: bool, asks: bool) -> None:
+    """Refuse to write a set whose verdict is not good, unless that is accepted."""
+    accepted = accepts(found.parameters, "Write", given=given, asks=asks)
+    accepted_verdict(found.name, found.parameters.basis, accept_warnings=accepted)
 
 
 def show_parameters(parameters: ParameterSet) -> None:

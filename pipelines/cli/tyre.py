@@ -195,9 +195,12 @@ def export(
     ] = "",
     library: opt.Library = None,
     accept_changes: opt.AcceptChanges = False,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Write a parameter set as a file for other programs.
+
+    A set whose verdict is not good needs --accept-warnings, or a yes where you are asked.
 
     Example:
       ringmodal tyre export 225-55R17 --library parameters --out tyre.toml
@@ -205,6 +208,7 @@ def export(
     """
     found = resolve(name, library, accept_changes=accept_changes)
     show_tyre.show_verdict(found.parameters, doubts_only=True)
+    show_tyre.require_accepted(found, given=accept_warnings, asks=not as_json)
     written = write(found.parameters, out, file_format)
     _say_file(out, as_json=as_json, set=found.name, format=written)
 

@@ -12,14 +12,13 @@ from ema.core.display import DASH, signed
 from ema.core.errors import InputError
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table
-from pipelines.cli.show_tyre import accepts, show_parameters, show_verdict
+from pipelines.cli.show_tyre import require_accepted, show_parameters, show_verdict
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
 from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
 from pipelines.library.export import export
 from pipelines.library.library import resolve
-from pipelines.results.verdict import accepted_verdict
 from pipelines.storage.atomic import file_written_whole
 
 VALUES = "Values"
@@ -82,8 +81,7 @@ def update_tir(
     show_verdict(found.parameters, doubts_only=as_json)
     written, backup = False, None
     if not dry_run and (update.changes or out is not None):
-        accepted = accepts(found.parameters, "Write", given=accept_warnings, asks=not as_json)
-        accepted_verdict(found.name, found.parameters.basis, accept_warnings=accepted)
+        require_accepted(found, given=accept_warnings, asks=not as_json)
         if not yes:
             _require_consent(target, asks=not as_json)
         written, backup = True, save_tir(update.after, target)
@@ -148,12 +146,14 @@ def modal_targets(
     out: Annotated[Path, opt.option("Text file to write.", opt.FILES, "FILE")],
     library: opt.Library = None,
     accept_changes: opt.AcceptChanges = False,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Write modal targets for an FTire-style parameter fit.
 
     In-plane rotation, translation and the first two bendings of the belt, with frequencies and
-    damping ratios of the ring; if SET is a result folder, with the measured ones as well.
+    damping ratios of the ring; if SET is a result folder, with the measured ones as well. A set
+    whose verdict is not good needs --accept-warnings, or a yes where you are asked.
 
     Examples:
       ringmodal tyre modal-targets result --out targets.txt
@@ -161,6 +161,7 @@ def modal_targets(
     """  # noqa: D406, D407 - a heading of the help
     found = resolve(source, library, accept_changes=accept_changes)
     show_verdict(found.parameters, doubts_only=True)
+    require_accepted(found, given=accept_warnings, asks=not as_json)
     measured = measured_modes(Path(source))
     with file_written_whole(out) as partial:
         targets = write_modal_targets(found.parameters, partial, measured)

@@ -207,7 +207,11 @@ def test_modal_targets_of_a_set_alone(tyre, toml, tmp_path):
 def test_modal_targets_name_set_date_and_verdict(tyre, tmp_path):
     library, out = ("--library", tmp_path / "library"), tmp_path / "targets.txt"
     tyre("add", written(tmp_path / "bad.toml", doubted()), *library)
-    code, _, errors = tyre("modal-targets", "225-55R17@1", *library, "--out", out)
+    refused = ("modal-targets", "225-55R17@1", *library, "--out", out)
+    assert_refused(tyre(*refused), "--accept-warnings")
+    assert_refused(tyre("export", *refused[1:-1], tmp_path / "a.json"), "--accept-warnings")
+    assert not out.exists()
+    code, _, errors = tyre(*refused, "--accept-warnings")
     text = out.read_text(encoding="utf-8")
     assert code == 0 and "Verdict: bad" in errors
     assert f"# set: 225-55R17@1, {datetime.now(UTC).year}" in text
