@@ -31,7 +31,7 @@ HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 WORDS = (0, 1, 3, 4)
 HOW_OBTAINED = (
     "± is one standard deviation. Not identified: the measured frequencies do not determine the "
-    "parameter, its value is an assumption. At bound: the search ended on a limit, the value is "
+    "parameter: more than a fifth of it is open. At bound: the search ended on a limit, the value is "
     "not an optimum. All stiffnesses, masses and damping values are per unit of belt width."
 )
 IN_DOUBT = (
