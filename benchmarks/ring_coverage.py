@@ -53,7 +53,7 @@ def random_tyre(rng: np.random.Generator) -> tuple[RingParameters, RingDamping]:
 
 
 def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, **how):
-    """Parameters found, standard deviations and how, from what a test would measure."""
+    """Ring and damping found from what a test would measure, and the error of its calibration."""
     noise, wrong, masses, orders = how["noise"], how["wrong"], how["masses"], how["orders"]
     hz = model.natural_frequencies_hz(ring, orders, pressure_load=how["load"])
     ratios = model.damping_ratios(ring, damping, orders, pressure_load=how["load"])
@@ -71,6 +71,7 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
         name: getattr(ring, name) * (1 + wrong * std * rng.standard_normal())
         for name, std in known.items()
     }
+    scale = 1.0
     if masses:
         mass = model.modal_mass_kg(ring, orders, pressure_load=how["load"])
         scale = 1 + CALIBRATION * rng.standard_normal()
@@ -99,7 +100,7 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
         pressure_load=how["load"],
         ring_covariance=(found.std, found.covariance),
     )
-    return found, damped
+    return found, damped, scale
 
 
 SCENARIOS = {
@@ -128,7 +129,7 @@ def coverage(name: str, n_tyres: int) -> None:
     for seed in range(n_tyres):
         rng = np.random.default_rng(seed)
         ring, damping = random_tyre(rng)
-        found, damped = tuned(ring, damping, rng, **BASE | SCENARIOS[name])
+        found, damped, scale = tuned(ring, damping, rng, **BASE | SCENARIOS[name])
         states[found.verdict.state.value] += 1
         for key in (*RING, *DAMPING_NAMES):
             of_ring = key in RING
@@ -144,15 +145,17 @@ def coverage(name: str, n_tyres: int) -> None:
         if (width := found.ring.belt_width_m) is not None:
             line = width * found.ring.mass_per_area_kg_m2 * found.ring.mean_radius_m
             true = WIDTH_M * ring.mass_per_area_kg_m2 * ring.mean_radius_m
-            belt.append(100 * (line / true - 1))
+            belt.append((100 * (line / true - 1), 100 * (line / true / scale - 1)))
     print(f"{name}: {dict(states)}, false claims: {', '.join(false) or 'none'}")
     for key, hits in inside.items():
         print(
             f"  {key:32s} {100 * np.mean(hits):5.1f} % of {len(hits)}, "
             f"identified {claims[key]}, median ± {np.median(sizes[key]):.2g} %"
         )
-    if belt:
-        print(f"  belt mass off by {np.std(belt):.2f} % rms, at most {np.abs(belt).max():.2f} %")
+    for what, off in zip(("", ", calibration taken off"), np.transpose(belt), strict=False):
+        print(
+            f"  belt mass{what} off by {np.std(off):.2f} % rms, at most {np.abs(off).max():.2f} %"
+        )
 
 
 def measured(seed: int, orders=ORDERS, *, torsion=False, masses=False, noise=0.001, off=1.0):
@@ -170,6 +173,7 @@ def measured(seed: int, orders=ORDERS, *, torsion=False, masses=False, noise=0.0
     if torsion:
         found = model.torsion_frequency_hz(ring) * (1 + noise * rng.standard_normal())
         known |= {"torsion_hz": found, "torsion_std_hz": noise * found}
+    scale = 1.0
     if masses:
         mass = model.modal_mass_kg(ring, orders) * (1 + CALIBRATION * rng.standard_normal())
         mass *= 1 + 0.001 * rng.standard_normal(orders.size)
