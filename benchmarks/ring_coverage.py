@@ -173,7 +173,6 @@ def measured(seed: int, orders=ORDERS, *, torsion=False, masses=False, noise=0.0
     if torsion:
         found = model.torsion_frequency_hz(ring) * (1 + noise * rng.standard_normal())
         known |= {"torsion_hz": found, "torsion_std_hz": noise * found}
-    scale = 1.0
     if masses:
         mass = model.modal_mass_kg(ring, orders) * (1 + CALIBRATION * rng.standard_normal())
         mass *= 1 + 0.001 * rng.standard_normal(orders.size)
