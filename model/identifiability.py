@@ -272,9 +272,9 @@ def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = Tr
     fit = LinearFit(names, values[~bound], slope[:, ~bound], np.ones(slope.shape[0]))
     known = _known_changes(search, values)
     if not order_1_tested and CIRCUMFERENTIAL in names:
-        change = _order_1_change(search, problem.priors.order_1_std)
-        moves = float(fit.moved(change)[names.index(CIRCUMFERENTIAL)])
-        known.append((np.zeros_like(change), {CIRCUMFERENTIAL: moves}))
+        wrong = _order_1_change(search, problem.priors.order_1_std)
+        moves = float(fit.moved(wrong)[names.index(CIRCUMFERENTIAL)])
+        known.append((np.zeros_like(wrong), {CIRCUMFERENTIAL: moves}))
     moved = np.zeros((values.size, errors.shape[1] + len(known)))
     moved[~bound] = fit.moved(np.column_stack([errors, *(change for change, _ in known)]))
     if bound.any():
