@@ -137,7 +137,7 @@ def plan_update(
             continue
         size = units.size(key)
         digits = _digits(value)
-        text = f"{value.value / size:.{digits}g}"
+        text = _written(value.value / size, digits)
         change = TirChange(
             key=key,
             section=entry.section if entry else SECTIONS[key],
@@ -152,7 +152,7 @@ def plan_update(
         )
         if entry is None:
             after = after.with_entry(SECTIONS[key], key, text)
-        elif change.old is not None and f"{change.old:.{digits}g}" == text:
+        elif change.old is not None and _written(change.old, digits) == text:
             unchanged.append(key)
             continue
         else:
@@ -198,6 +198,11 @@ def _measured(parameters: ParameterSet, ring: Mapping[str, BeltValue]) -> dict[s
         "FREQ_LONG": beside("FREQ_LONG", found.frequency_hz, found.frequency_std_hz),
         "DAMP_LONG": beside("DAMP_LONG", found.damping_ratio, found.damping_ratio_std),
     }
+
+
+def _written(value: float, digits: int) -> str:
+    """A number of so many significant digits, as people write it: 220000, not 2.2e+05."""
+    return f"{float(f'{value:.{digits}g}'):.15g}"
 
 
 def _digits(value: BeltValue) -> int:
