@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 import stat
 import unicodedata
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +32,29 @@ def stamp_of(status: os.stat_result) -> Stamp:
     return status.st_size, status.st_mtime_ns
 
 
+_MAPS: WeakValueDictionary[tuple[Path, int, Stamp], FileMap] = WeakValueDictionary()
+
+
 def mapped(
     path: Path,
     dtype: np.dtype[Any] | type = np.uint8,
     offset: int = 0,
     shape: tuple[int, ...] | None = None,
-) -> FileMap:
-    """Numbers of a file that stay on disk; `piece` and `fill` read them and views of them."""
-    stamp = stamp_of(path.stat())
-    found = FileMap(path, dtype, "r", offset, shape)
-    found.stamp = stamp
-    return found
+) -> NDArray[Any]:
+    """Numbers of a file that stay on disk; `piece` and `fill` read them and views of them.
+
+    All arrays of a file are views of one map: systems allow few open files, 256 on some.
+    """
+    status = path.stat()
+    key = (path, status.st_ino, stamp_of(status))
+    whole = _MAPS.get(key)
+    if whole is None:
+        whole = _MAPS[key] = FileMap(path, np.uint8, "r")
+        whole.stamp = stamp_of(status)
+    if shape is None:
+        return whole
+    n_bytes = math.prod(shape) * np.dtype(dtype).itemsize
+    return whole[offset : offset + n_bytes].view(dtype).reshape(shape)
 
 
 def piece(samples: NDArray[Any], start: int, stop: int) -> NDArray[Any]:
@@ -87,7 +101,7 @@ def _read(
     stored = into if step == size else np.empty(n_bytes, np.uint8)
     path = str(origin.filename)
     try:
-        with open(path, "rb") as file:  # noqa: PTH123 - a Path takes longer than the bytes
+        with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path takes longer than the bytes
             file.seek(place)
             n_read = file.readinto(stored.view(np.uint8).data)
             now = stamp_of(os.fstat(file.fileno()))

@@ -23,6 +23,7 @@ from ema.io import content
 from ema.io.columns import (
     Column,
     content_of_columns,
+    is_time,
     matrix_columns,
     name_and_unit,
     without_complex,
@@ -68,7 +69,8 @@ def read(path: Path) -> FileContent:
         held = "; ".join(f"{place}: {why}" for place, why in skipped.items()) or "nothing"
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
-    columns = [column for array in series for column in _columns(path, _scaled(path, array))]
+    ordered = _behind_their_times(series)
+    columns = [column for array in ordered for column in _columns(path, _scaled(path, array))]
     findings = (*content.left_out(path, skipped), *_not_applied(path, series))
     if (of_frfs := with_frequency_first(path, columns)) is not None:
         return frf_content(path, of_frfs, findings)
@@ -87,6 +89,11 @@ class _Array:
     samples: NDArray[Any]
     attributes: dict[str, Any]
     stated: dict[str, Any]  # attributes of its groups and its own, by their place
+
+    @property
+    def group(self) -> str:
+        """Place of the group that it is in."""
+        return self.path.rpartition("/")[0]
 
 
 def _arrays(
@@ -113,6 +120,19 @@ def _arrays(
             if is_frame and (items := group.get(f"{place[len(prefix) + 1 : -6]}items")):
                 own["names"] = items[()]
             yield _Array(place, place.rpartition("/")[2], file.samples(item), own, stated)
+
+
+def _behind_their_times(arrays: Sequence[_Array]) -> list[_Array]:
+    """Arrays group by group, each group behind its time or that of the group around it."""
+    times = {each.group: each for each in arrays if is_time(each.name, "")}
+    if len(times) < 2:
+        return list(arrays)
+    ordered = []
+    for group in dict.fromkeys(each.group for each in arrays):
+        around = [place for place in times if f"{group}/".startswith(f"{place}/")]
+        ordered += [times[max(around, key=len)]] if around else []
+        ordered += [each for each in arrays if each.group == group and each not in times.values()]
+    return ordered
 
 
 def _attributes(item: Any) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -431,3 +432,35 @@ def test_a_start_that_is_no_time_is_refused(tmp_path):
 
     with pytest.raises(RecordingFormatError, match="'noon'"):
         read_file(written(tmp_path, write))
+
+
+def test_many_datasets_take_few_open_files(tmp_path):
+    def write(file):
+        file.attrs["fs"] = RATE_HZ
+        for number in range(60):
+            file[f"A{number}"] = NOISE[:, 0]
+
+    descriptors = Path("/proc/self/fd")
+    if not descriptors.is_dir():
+        pytest.skip("the system does not list open files")
+    path = written(tmp_path, write)
+    before = len(list(descriptors.iterdir()))
+    found = read_file(path).recording
+    assert len(found.channels) == 60
+    assert len(list(descriptors.iterdir())) <= before + 2
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.0005 * 4])
+@pytest.mark.parametrize("names", [("force", "time"), ("A01", "t")])
+def test_each_group_has_its_own_time(tmp_path, late_s, names):
+    def write(file):
+        for place, start_s in (("a", 0.0), ("b", late_s)):
+            signal, time = names
+            file[f"{place}/{signal}"] = NOISE[:, 0]
+            file[f"{place}/{time}"] = start_s + np.arange(N) / RATE_HZ
+
+    found = read_file(written(tmp_path, write)).recording
+    n_late = round(late_s * RATE_HZ)
+    first = [each.samples[0] for each in found.channels]
+    assert (found.sampling_rate_hz, first) == (RATE_HZ, [NOISE[n_late, 0], NOISE[0, 0]])
+    assert found.n_samples == N - n_late
