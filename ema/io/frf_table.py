@@ -87,7 +87,7 @@ def refuse_other_lines(path: Path, columns: Sequence[Column]) -> None:
 
 def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] | None:
     """Columns of FRFs in any order, complex ones as two; None without frequencies."""
-    first = next((each for each in columns if has_frequency([each]) and _is_even(each)), None)
+    first = next(filter(are_lines, columns), None)
     if first is None:
         return None
     other = next((each for each in columns if len(each.samples) != len(first.samples)), None)
@@ -100,7 +100,7 @@ def with_frequency_first(path: Path, columns: Sequence[Column]) -> list[Column] 
         if each.samples.dtype.kind == "c":
             parts = {"real": each.samples.real, "imag": each.samples.imag}
             ordered += [replace(each, name=f"{each.name} {k}", samples=v) for k, v in parts.items()]
-        elif each is not first:
+        elif not (are_lines(each) and np.array_equal(each.samples, first.samples)):
             named = f"{each.name} {each.matrix}" if not _has_part(each.name) else each.name
             ordered.append(replace(each, name=named) if _has_part(each.matrix) else each)
     return ordered
@@ -110,8 +110,10 @@ def _has_part(name: str) -> bool:
     return any(form.search(name) for form in _PARTS.values())
 
 
-def _is_even(column: Column) -> bool:
-    return column.samples.dtype.kind in "iuf" and even_step(column.samples) is not None
+def are_lines(column: Column) -> bool:
+    """Whether a column is of evenly spaced frequencies."""
+    is_real = column.samples.dtype.kind in "iuf"
+    return has_frequency([column]) and is_real and even_step(column.samples) is not None
 
 
 @dataclass

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import mmap
 import re
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +28,7 @@ from ema.io.columns import (
 )
 from ema.io.content import COPY_AGAIN, FileContent, check_expansion, check_stored, reading, require
 from ema.io.frf_table import frf_content, with_frequency_first
-from ema.io.rates import plain_name, stated_rate, states_rate
+from ema.io.rates import stated_rate, stated_start_s, states_rate
 
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
@@ -39,8 +37,6 @@ _SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conv
 _NOT_APPLIED = ("gain", "scale", "scaling", "factor", "sensitivity", "offset", "calibration")
 _PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
 _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
-# Attributes of a dataset about its first sample: seconds, or a date and time in ISO 8601.
-_STARTS = ("t0", "x0", "starttime", "wfstarttime", "wfstartoffset", "timeoffset")
 _DEEPEST = 32  # groups in groups
 _HEAP = b"GCOL\x01\0\0\0"
 _HEADER_BYTES = 16  # of a heap and of each object in it
@@ -177,36 +173,9 @@ def _columns(path: Path, array: _Array) -> list[Column]:
     if samples.ndim == 2:
         return matrix_columns(f"{path.name}, {array.path}", samples, _texts(array, _NAMES), units)
     name, unit = name_and_unit(array.name)
-    start_s = _start_s(path, array)
+    own = {f"{array.path}/{name}": value for name, value in array.attributes.items()}
+    start_s = stated_start_s(path, own)
     return [Column(name, units[0] if units else unit, samples, array.path.strip("/"), start_s)]
-
-
-def _start_s(path: Path, array: _Array) -> float:
-    """Start of a channel by its attributes, 0 where none states it."""
-    start_s = 0.0
-    for name, value in array.attributes.items():
-        if plain_name(name) in _STARTS:
-            stated = value.item() if isinstance(value, np.ndarray | np.generic) else value
-            text = stated.decode("latin-1") if isinstance(stated, bytes) else str(stated)
-            try:
-                start_s += _seconds(text)
-            except ValueError:
-                rule = "a start must be a number of seconds, or date and time as in ISO 8601"
-                where = f"{path.name}, {array.path}/{name}"
-                raise RecordingFormatError(
-                    where, repr(text[:40]), rule, content.EXPORT_AGAIN
-                ) from None
-    return start_s
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        return datetime.fromisoformat(text).timestamp()
-    if not math.isfinite(seconds):
-        raise ValueError(text)
-    return seconds
 
 
 def _texts(array: _Array, names: tuple[str, ...]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,16 +23,24 @@ from ema.io.columns import (
     unit_of_each,
     without_complex,
 )
-from ema.io.content import FileContent, left_out, reading, states_treatment
-from ema.io.frf_table import frf_content, has_frequency, unit_of_lines, with_frequency_first
-from ema.io.hdf5 import Hdf5File, opened
-from ema.io.mat5 import COPY_AGAIN, HEADER_BYTES, LeftOut, Mat5Reader
-from ema.io.rates import plain_name, stated_rate, states_rate
+from ema.io.content import FileContent, left_out, states_treatment
+from ema.io.frf_table import (
+    are_lines,
+    frf_content,
+    has_frequency,
+    unit_of_lines,
+    with_frequency_first,
+)
+from ema.io.matlab_variables import LeftOut, variables_of
+from ema.io.rates import plain_name, stated_rate, stated_start_s, states_rate, states_start
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
 _UNITS = {"units", "unit", "channelunits"}
-_HDF5 = b"\x89HDF\r\n\x1a\n"
+# Fields of a struct for each channel: its name, and what its vector is called if not that.
+_NAME = {"name", "signalname", "channelname", "label", "channel"}
+_VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
+_SETTINGS = re.compile("header|info|settings|setup|param|acquisition|meta", re.IGNORECASE)
 _LAYOUTS = (
     "a file must contain a vector for each channel, or one matrix and the channel names, plus "
     "fs, dt or t; or a struct of those"
@@ -39,10 +48,27 @@ _LAYOUTS = (
 _SAVE_AGAIN = "Save it in one of these layouts"
 # What Testlab puts before the ends of a function.
 _KIND = re.compile(r"^\s*(?:(?:ordinary|multiple)?\s*coherence|FRF|frequency response)\s+", re.I)
-_KINDS = {np.ndarray: "a single number", str: "text", list: "a cell array", dict: "a struct"}
-# Larger texts and cell arrays in files of level 7.3 are left out.
-_LONGEST_TEXT = 4096
-_MOST_CELLS = 10_000
+_KINDS = {np.ndarray: "a single number", str: "text", list: "a cell array"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Signals:
+    """Vectors of one struct: those of a time or frequency, and those of channels."""
+
+    place: str
+    fields: Mapping[str, Any]
+    axes: dict[str, NDArray[Any]]
+    signals: dict[str, NDArray[Any]]
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """Its texts by plain name."""
+        return {plain_name(k): v.strip() for k, v in self.fields.items() if isinstance(v, str)}
+
+    @property
+    def starts(self) -> dict[str, Any]:
+        """What it states of the first sample, by place."""
+        return {f"{self.place}/{k}": v for k, v in self.fields.items() if states_start(k)}
 
 
 @dataclass
@@ -56,6 +82,7 @@ class _Variables:
     units: list[str] | dict[str, Any] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     treatment: dict[str, Any] = field(default_factory=dict)  # windows and triggers
+    of_structs: list[_Signals] = field(default_factory=list)
 
 
 def read(path: Path) -> FileContent:
@@ -65,11 +92,11 @@ def read(path: Path) -> FileContent:
     missing, damaged or of level 4, claims to be far larger than it is, or its variables can be
     understood in more than one way.
     """
-    variables = _variables(path)
+    variables = variables_of(path)
     functions = {name: each for name, each in variables.items() if _is_function(each)}
     if functions:
         return _of_functions(path, functions, [each for each in variables if each not in functions])
-    found = _sorted(path, _unwrapped(variables))
+    found = _sorted(_unwrapped(_with_headers(variables)))
     columns = _columns(path, found)
     findings = left_out(path, found.left_out)
     if (of_frfs := with_frequency_first(path, columns)) is not None:
@@ -80,66 +107,6 @@ def read(path: Path) -> FileContent:
     return content_of_columns(
         path, columns, rate=rate, findings=findings, statements=found.treatment
     )
-
-
-def _variables(path: Path) -> Mapping[str, Any]:
-    with reading(path, "a MATLAB file"), path.open("rb") as file:
-        start = file.read(4 * HEADER_BYTES + len(_HDF5))
-    if start.startswith(_HDF5) or start.endswith(_HDF5):
-        with opened(path, "a MATLAB file of level 7.3") as hdf5:
-            return _fields(hdf5, hdf5.root)
-    if len(start) < HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
-        rule = "it must be a MATLAB file of level 5 or 7.3"
-        raise RecordingFormatError(path.name, f"it begins with {start[:16]!r}", rule, COPY_AGAIN)
-    return Mat5Reader(path).variables()
-
-
-def _fields(file: Hdf5File, group: Any, prefix: str = "") -> dict[str, Any]:
-    """Fields of a struct in a file of level 7.3, of the same kinds as `Mat5Reader` returns."""
-    found: dict[str, Any] = {}
-    for place, item in file.members(group, prefix):
-        name = place.rpartition("/")[2]
-        if not name.startswith("#"):  # MATLAB's own: what cells refer to
-            is_group = file.is_group(item)
-            found[name] = _fields(file, item, place) if is_group else _value(file, item)
-    return found
-
-
-def _value(file: Hdf5File, item: Any) -> Any:
-    kind = "" if item is None else _class_of(item)
-    if kind == "cell" and file.h5py.check_ref_dtype(item.dtype) is file.h5py.Reference:
-        return _cells(file, item)
-    if item is not None and "MATLAB_empty" in item.attrs:
-        return LeftOut("empty")
-    if why := file.unreadable(item):
-        return LeftOut(why)
-    if kind in ("logical", "function_handle") or "MATLAB_object_decode" in item.attrs:
-        return LeftOut(f"of class {kind}")
-    return _text(file, item) if kind == "char" else file.samples(item).T  # columns come first
-
-
-def _class_of(item: Any) -> str:
-    name = item.attrs.get("MATLAB_class", b"")
-    return name.decode("latin-1") if isinstance(name, bytes) else str(name)
-
-
-def _text(file: Hdf5File, item: Any) -> Any:
-    """One text, or one for each row of a character matrix."""
-    if item.size > _LONGEST_TEXT:
-        return LeftOut("a long text")
-    codes = np.atleast_2d(file.samples(item).astype("<u2").T)
-    rows = [row.tobytes().decode("utf-16-le", "replace") for row in codes]
-    return rows[0] if len(rows) == 1 else [row.rstrip() for row in rows]
-
-
-def _cells(file: Hdf5File, item: Any) -> Any:
-    """Texts of a cell array."""
-    if item.size > _MOST_CELLS:
-        return LeftOut("a large cell array")
-    cells = [file.root[reference] for reference in np.ravel(item[()], order="F") if reference]
-    if len(cells) < item.size or any(_class_of(cell) != "char" for cell in cells):
-        return LeftOut("a cell array of non-text values")
-    return [_value(file, cell) for cell in cells]
 
 
 def _is_function(value: Any) -> bool:
@@ -268,7 +235,7 @@ def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
     return _unwrapped(beside | variables[structs[0]])
 
 
-def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
+def _sorted(variables: Mapping[str, Any]) -> _Variables:
     found = _Variables()
     for name, value in variables.items():
         if plain_name(name) in _NAMES and _texts(value):
@@ -285,13 +252,41 @@ def _sorted(path: Path, variables: Mapping[str, Any]) -> _Variables:
             found.treatment |= _flat({name: value}, separator=" ")
         elif isinstance(value, np.ndarray) and value.size != 1:
             _sort_array(name, value, found)
+        elif structs := _structs(name, value):
+            for place, fields in structs.items():
+                _sort_struct(place, fields, found)
         else:
             found.left_out[name] = value.why if isinstance(value, LeftOut) else _KINDS[type(value)]
-    structs = [name for name in found.left_out if isinstance(variables[name], dict)]
-    if len(structs) > 1 and not found.vectors and not found.matrices:
-        held = f"structs {', '.join(structs)}"
-        raise RecordingFormatError(path.name, held, _LAYOUTS, _SAVE_AGAIN)
     return found
+
+
+def _structs(name: str, value: Any) -> dict[str, Mapping[str, Any]]:
+    """A struct, or those of an array or of cells, by name."""
+    if isinstance(value, dict):
+        return {name: value}
+    is_array = isinstance(value, list) and value and all(isinstance(each, dict) for each in value)
+    return {f"{name}({n})": each for n, each in enumerate(value, 1)} if is_array else {}
+
+
+def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables) -> None:
+    """Channels of a struct and of those in it; a struct of settings may state the rate."""
+    arrays = {k: v for k, v in fields.items() if isinstance(v, np.ndarray) and v.size > 1}
+    vectors = {k: v.reshape(-1, order="F") for k, v in arrays.items() if v.size in v.shape}
+    axes = {k: v for k, v in vectors.items() if is_time(k, "") or are_lines(_bare(k, v))}
+    signals = {name: each for name, each in vectors.items() if name not in axes}
+    nested = [_structs(f"{place}.{name}", value) for name, value in fields.items()]
+    for name, inner in (item for each in nested for item in each.items()):
+        _sort_struct(name, inner, found)
+    odd = {f"{place}.{name}": "not a vector" for name in arrays if name not in vectors}
+    found.left_out |= odd
+    if signals or _SETTINGS.search(place):
+        rates = {f"{place}/{k}": v for k, v in fields.items() if states_rate(k)}
+        found.rates |= {each: rate for each, rate in rates.items() if not isinstance(rate, LeftOut)}
+    if signals:
+        found.of_structs.append(_Signals(place, fields, axes, signals))
+        found.treatment |= _flat({k: v for k, v in fields.items() if states_treatment(k, v)})
+    elif not odd and not any(nested):
+        found.left_out[place] = "a struct"
 
 
 def _is_complex(value: Any) -> bool:
@@ -320,24 +315,23 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     times = [
         name
         for name in found.vectors
-        if is_time(name, "") or (found.matrices and has_frequency([_bare(name, found)]))
+        if is_time(name, "")
+        or (found.matrices and has_frequency([_bare(name, found.vectors[name])]))
     ]
     others = [name for name in found.vectors if name not in times]
-    are_frfs = any(has_frequency([_bare(name, found)]) for name in times)
-    if (len(found.matrices) > 1 and not are_frfs) or (found.matrices and others):
+    are_frfs = any(has_frequency([_bare(name, found.vectors[name])]) for name in times)
+    if (len(found.matrices) > 1 and not are_frfs) or (
+        found.matrices and (others or found.of_structs)
+    ):
         what = f"matrices {', '.join(found.matrices)}"
-        what += f" and vectors {', '.join(others)}" if others else ""
+        beside = [*others, *(each.place for each in found.of_structs)]
+        what += f" and vectors {', '.join(beside)}" if beside else ""
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
-    if not found.matrices and not others:
+    if not (found.matrices or others or found.of_structs):
         held = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
-    columns = [
-        replace(_bare(name, found), unit=label_of_axis(name)[1] or "s")
-        if is_time(name, "")
-        else replace(_bare(name, found), unit=unit_of_lines(_bare(name, found)))
-        for name in times
-    ]
+    columns = [_axis(name, found.vectors[name]) for name in times]
     if found.matrices:
         units = _units(found, found.names)
         for name, matrix in found.matrices.items():
@@ -352,11 +346,51 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         raise RecordingFormatError(path.name, what, "a list is only allowed with a matrix", remedy)
     units = unit_of_each(path.name, len(others), _units(found, others))
     unit_of = dict(zip(others, units, strict=True))
-    return columns + [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
+    columns += [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
+    return columns + _columns_of_structs(path, found.of_structs)
 
 
-def _bare(name: str, found: _Variables) -> Column:
-    return Column(name, "", found.vectors[name])
+def _bare(name: str, samples: NDArray[Any]) -> Column:
+    return Column(name, "", samples)
+
+
+def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]:
+    """Channels of structs, each behind the time of its own."""
+    several = Counter(name for each in structs if len(each.signals) > 1 for name in each.signals)
+    if several and max(several.values()) > 1:
+        what = f"the same channels in structs {', '.join(each.place for each in structs)}"
+        raise RecordingFormatError(path.name, what, _LAYOUTS, "Save a file for each recording")
+    same_start = len({str(each.starts.values()) for each in structs}) < 2
+    columns = []
+    for each in structs:
+        columns += [_axis(name, samples) for name, samples in each.axes.items()]
+        start_s = 0.0 if same_start else stated_start_s(path, each.starts)
+        is_one, texts = len(each.signals) == 1, each.texts
+        unit = next((texts[key] for key in texts if key in _UNITS), "") if is_one else ""
+        for name, samples in each.signals.items():
+            own = each.place if is_one and plain_name(name) in _VALUES else name
+            stated = [texts[key] for key in texts if is_one and key in _NAME and texts[key]]
+            place = f"{each.place}.{name}"
+            columns.append(Column([*stated, own][0], unit, samples, place, start_s))
+    return columns
+
+
+def _axis(name: str, samples: NDArray[Any]) -> Column:
+    """A time or frequencies, with the unit in the name."""
+    column = _bare(name, samples)
+    unit = label_of_axis(name)[1] or "s" if is_time(name, "") else unit_of_lines(column)
+    return replace(column, unit=unit)
+
+
+def _with_headers(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Vectors such as Channel_1_Data in one struct with what Channel_1_Header states of them."""
+    joined = dict(variables)
+    for name, header in variables.items():
+        data = re.sub("Header$", "Data", name)
+        if data != name and isinstance(header, dict) and isinstance(joined.get(data), np.ndarray):
+            joined[name.removesuffix("_Header")] = {**header, "Data": joined.pop(data)}
+            del joined[name]
+    return joined
 
 
 def _paired(names: Sequence[str]) -> list[str]:

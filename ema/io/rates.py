@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,8 @@ _RATES = {
     *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
     *("samplingfrequency", "samplingrate"),
 }
+# Of a first sample: seconds, or a date and time in ISO 8601.
+_STARTS = {"t0", "x0", "starttime", "startvalue", "wfstarttime", "wfstartoffset", "timeoffset"}
 _STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
 
 _MOST_DIGITS = 7  # a plain number has no more
@@ -349,6 +352,38 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> Rate:
             found = f"{first.hz:g} Hz by {first.source}, {other.hz:g} Hz by {other.source}"
             raise not_together(path, found)
     return first
+
+
+def states_start(name: str) -> bool:
+    """Whether a variable or attribute of this name states when a channel starts."""
+    return plain_name(name) in _STARTS
+
+
+def stated_start_s(path: Path, statements: Mapping[str, object]) -> float:
+    """Start of a channel by what is stated of it, by place; 0 where nothing states it."""
+    start_s = 0.0
+    for place, value in statements.items():
+        if not states_start(place.rpartition("/")[2]):
+            continue
+        stated = value.item() if isinstance(value, np.ndarray | np.generic) else value
+        text = stated.decode("latin-1") if isinstance(stated, bytes) else str(stated)
+        try:
+            start_s += _seconds(text)
+        except ValueError:
+            rule = "a start must be a number of seconds, or date and time as in ISO 8601"
+            where = f"{path.name}, {place}"
+            raise RecordingFormatError(where, repr(text[:40]), rule, EXPORT_AGAIN) from None
+    return start_s
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        return datetime.fromisoformat(text).timestamp()
+    if not math.isfinite(seconds):
+        raise ValueError(text)
+    return seconds
 
 
 def plain_name(name: str) -> str:

@@ -46,6 +46,8 @@ def _write_fields(group, fields, compression):
         if isinstance(value, dict):
             _write_fields(group.create_group(name), value, compression)
             group[name].attrs["MATLAB_class"] = np.bytes_("struct")
+        elif isinstance(value, list):
+            _write_array_of_structs(group.create_group(name), value)
         elif isinstance(value, str):
             _write_text(group, name, value)
         elif np.asarray(value).dtype == object:
@@ -59,6 +61,15 @@ def _write_fields(group, fields, compression):
             packed = compression if stored.size > 1 else None
             group.create_dataset(name, data=stored, compression=packed)
             group[name].attrs["MATLAB_class"] = np.bytes_("double")
+
+
+def _write_array_of_structs(group, structs):
+    group.attrs["MATLAB_class"] = np.bytes_("struct")
+    for name in structs[0]:
+        cells = group.create_dataset(name, (len(structs), 1), dtype=h5py.ref_dtype)
+        for row, each in enumerate(structs):
+            _write_fields(group.file, {f"#refs#/{name}{row}": each[name]}, None)
+            cells[row, 0] = group.file[f"#refs#/{name}{row}"].ref
 
 
 def _write_text(group, name, text):
@@ -166,7 +177,7 @@ def test_a_matrix_without_names(tmp_path):
 AMBIGUOUS = {
     "two matrices": ({"a": NOISE, "b": NOISE}, "matrices a, b"),
     "matrix and vector": ({"a": NOISE, "b": TIME_S + 1}, "matrices a and vectors b"),
-    "two structs": ({"a": SINGLY, "b": SINGLY}, "structs a, b"),
+    "two structs": ({"a": SINGLY, "b": SINGLY}, "the same channels in structs a, b"),
     "names that do not fit": ({"a": NOISE, "names": cell("x", "y")}, "50 × 3 and 2 names"),
     "square": ({"a": NOISE[:3], "names": NAMES}, "3 × 3 and 3 names"),
     "units in a list": ({**SINGLY, "units": UNITS}, "a list of 3 units beside the vectors"),
@@ -360,3 +371,68 @@ def test_times_of_dewesoft_belong_to_their_channels(tmp_path, apart):
     assert found.names == ("Data1_AI_1", "Data1_AI_2")
     np.testing.assert_array_equal(found.channels[0].samples, _FORCE[4:])
     np.testing.assert_array_equal(found.channels[1].samples, _MOTION[:60])
+
+
+FORCE, SENSOR = NOISE[:, 0], NOISE[:, 1]
+STRUCTS = {
+    "times and units": {
+        "force": {"time": TIME_S, "data": FORCE, "Units": "N"},
+        "A01": {"time": TIME_S, "data": SENSOR, "Units": "g"},
+    },
+    "names in headers": {
+        "File_Header": {"SampleFrequency": RATE_HZ},
+        "Channel_1_Header": {"SignalName": "force", "Unit": "N"},
+        "Channel_1_Data": FORCE,
+        "Channel_2_Header": {"SignalName": "A01", "Unit": "g"},
+        "Channel_2_Data": SENSOR,
+    },
+    "an array": {
+        "fs": RATE_HZ,
+        "channel": [
+            {"name": "force", "unit": "N", "y": FORCE},
+            {"name": "A01", "unit": "g", "y": SENSOR},
+        ],
+    },
+    "nested": {
+        "run": {
+            "fs": RATE_HZ,
+            "force": {"unit": "N", "values": FORCE, "t0": 5.0},
+            "A01": {"unit": "g", "values": SENSOR, "t0": 5.0},
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("variables", STRUCTS.values(), ids=STRUCTS)
+@pytest.mark.parametrize("write", [write_5, write_73])
+def test_a_struct_for_each_channel(tmp_path, write, variables):
+    write(tmp_path / "a.mat", variables)
+    recording = read_file(tmp_path / "a.mat").recording
+    assert recording.sampling_rate_hz == RATE_HZ
+    channels = {each.name: each for each in recording.channels}
+    assert {name: each.quantity for name, each in channels.items()} == {
+        "force": "force",
+        "A01": "acceleration",
+    }
+    np.testing.assert_array_equal(channels["force"].block(0, N), FORCE)
+    np.testing.assert_array_equal(channels["A01"].block(0, N), 9.80665 * SENSOR)
+
+
+@pytest.mark.parametrize("start", ["t0", "time"])
+def test_structs_that_start_apart_are_aligned(tmp_path, start):
+    late = {"t0": 5 / RATE_HZ} if start == "t0" else {"time": TIME_S + 5 / RATE_HZ}
+    first = {"t0": 0.0} if start == "t0" else {"time": TIME_S}
+    structs = {"force": {"y": FORCE, **first}, "A01": {"y": SENSOR, **late}, "fs": RATE_HZ}
+    scipy.io.savemat(tmp_path / "a.mat", structs)
+    recording = read_file(tmp_path / "a.mat").recording
+    assert [each.samples[0] for each in recording.channels] == [FORCE[5], SENSOR[0]]
+    assert recording.n_samples == N - 5
+
+
+def test_frfs_in_structs_share_their_frequencies(tmp_path):
+    lines, values = np.arange(1, N + 1), NOISE[:, 0] + 1j * NOISE[:, 1]
+    structs = {"H11": {"f": lines, "H": values}, "H21": {"f": lines, "H": 2 * values}}
+    scipy.io.savemat(tmp_path / "a.mat", structs)
+    found = read_file(tmp_path / "a.mat")
+    assert found.frf_names == ("H11", "H21")
+    np.testing.assert_array_equal(found.frf.values, [values, 2 * values])

@@ -1,4 +1,4 @@
-"""Variables of a MATLAB file of level 5 (saved with -v6 or -v7), as plain Python values.
+"""Variables of a MATLAB file of level 5 (saved with -v6 or -v7) or 7.3, as plain Python values.
 
 After "MAT-File Format" (The MathWorks). Numbers stay views of the file, or of what was unpacked
 from it; nothing that MATLAB would execute (objects, function handles) is read. `scipy.io.loadmat`
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,10 +19,15 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.files import mapped
-from ema.io.content import check_expansion
+from ema.io.content import check_expansion, reading
+from ema.io.hdf5 import Hdf5File, opened
 
-COPY_AGAIN = "Copy the file again or save it again with -v7"
-HEADER_BYTES = 128
+_COPY_AGAIN = "Copy the file again or save it again with -v7"
+_HEADER_BYTES = 128
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+# Larger texts and cell arrays in files of level 7.3 are left out.
+_LONGEST_TEXT = 4096
+_MOST_CELLS = 10_000
 # Types of data in elements.
 _INTEGERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 12: "i8", 13: "u8"}
 _NUMBERS = _INTEGERS | {7: "f4", 9: "f8"}
@@ -42,6 +47,83 @@ class LeftOut:
     """A variable that cannot be used, and what it is, e.g. ``"a function"``."""
 
     why: str
+
+
+def variables_of(path: Path) -> Mapping[str, Any]:
+    """Variables of a file of level 5 or 7.3 by name; kinds as in `Mat5Reader.variables`."""
+    with reading(path, "a MATLAB file"), path.open("rb") as file:
+        start = file.read(4 * _HEADER_BYTES + len(_HDF5))
+    if start.startswith(_HDF5) or start.endswith(_HDF5):
+        with opened(path, "a MATLAB file of level 7.3") as hdf5:
+            return _fields(hdf5, hdf5.root)
+    if len(start) < _HEADER_BYTES or start[126:128] not in (b"IM", b"MI"):
+        rule = "it must be a MATLAB file of level 5 or 7.3"
+        raise RecordingFormatError(path.name, f"it begins with {start[:16]!r}", rule, _COPY_AGAIN)
+    return Mat5Reader(path).variables()
+
+
+def _fields(file: Hdf5File, group: Any, prefix: str = "") -> dict[str, Any]:
+    """Fields of a struct in a file of level 7.3, of the same kinds as `Mat5Reader` returns."""
+    found: dict[str, Any] = {}
+    for place, item in file.members(group, prefix):
+        name = place.rpartition("/")[2]
+        if not name.startswith("#"):  # MATLAB's own: what cells refer to
+            is_group = file.is_group(item)
+            found[name] = _struct(file, item, place) if is_group else _value(file, item)
+    return found
+
+
+def _struct(file: Hdf5File, group: Any, place: str) -> Any:
+    """A struct, or the list of structs of an array, each of whose fields is a list."""
+    fields = _fields(file, group, place)
+    counts = {len(each) if isinstance(each, _Elements) else 0 for each in fields.values()}
+    if 0 in counts or len(counts) != 1:
+        return fields
+    return [dict(zip(fields, row, strict=True)) for row in zip(*fields.values(), strict=True)]
+
+
+class _Elements(list[Any]):
+    """Values of one field of an array of structs."""
+
+
+def _value(file: Hdf5File, item: Any) -> Any:
+    kind = "" if item is None else _class_of(item)
+    if item is not None and file.h5py.check_ref_dtype(item.dtype) is file.h5py.Reference:
+        return _cells(file, item, of_texts=kind == "cell")
+    if item is not None and "MATLAB_empty" in item.attrs:
+        return LeftOut("empty")
+    if why := file.unreadable(item):
+        return LeftOut(why)
+    if kind in ("logical", "function_handle") or "MATLAB_object_decode" in item.attrs:
+        return LeftOut(f"of class {kind}")
+    return _text(file, item) if kind == "char" else file.samples(item).T  # columns come first
+
+
+def _class_of(item: Any) -> str:
+    name = item.attrs.get("MATLAB_class", b"")
+    return name.decode("latin-1") if isinstance(name, bytes) else str(name)
+
+
+def _text(file: Hdf5File, item: Any) -> Any:
+    """One text, or one for each row of a character matrix."""
+    if item.size > _LONGEST_TEXT:
+        return LeftOut("a long text")
+    codes = np.atleast_2d(file.samples(item).astype("<u2").T)
+    rows = [row.tobytes().decode("utf-16-le", "replace") for row in codes]
+    return rows[0] if len(rows) == 1 else [row.rstrip() for row in rows]
+
+
+def _cells(file: Hdf5File, item: Any, *, of_texts: bool) -> Any:
+    """Texts of a cell array, or numbers and texts of a field of an array of structs."""
+    if item.size > _MOST_CELLS:
+        return LeftOut("a large cell array")
+    cells = [file.root[reference] for reference in np.ravel(item[()], order="F") if reference]
+    if len(cells) < item.size or (of_texts and any(_class_of(each) != "char" for each in cells)):
+        return LeftOut("a cell array of non-text values")
+    if any(file.is_group(cell) or cell.dtype.kind == "O" for cell in cells):
+        return LeftOut("an array of nested structs")
+    values = [_value(file, cell) for cell in cells]
+    return values if of_texts else _Elements(values)
 
 
 class _Element(NamedTuple):
@@ -64,11 +146,12 @@ class Mat5Reader:
         """Variables by name, in the order of the file.
 
         Numbers come as ndarray in the precision they are stored in, texts as str, cell arrays as
-        list, structs as dict, everything else as `LeftOut`. `RecordingFormatError` if the file is
-        damaged or truncated, or claims to be far larger than it is.
+        list, structs as dict, arrays of structs as list of those, everything else as
+        `LeftOut`. `RecordingFormatError` if the file is damaged or truncated, or claims to be far
+        larger than it is.
         """
         found: dict[str, Any] = {}
-        for kind, content in self._elements(self._bytes[HEADER_BYTES:]):
+        for kind, content in self._elements(self._bytes[_HEADER_BYTES:]):
             if kind == _COMPRESSED:
                 kind, content = self._unpacked(content)
             name, value = self._matrix(_Element(kind, content), 0)
@@ -80,7 +163,7 @@ class Mat5Reader:
 
     def _damaged(self, found: str) -> RecordingFormatError:
         rule = "variables follow MATLAB's format of level 5; the file is damaged or cut short"
-        return RecordingFormatError(self.path.name, found, rule, COPY_AGAIN)
+        return RecordingFormatError(self.path.name, found, rule, _COPY_AGAIN)
 
     def _elements(self, data: memoryview) -> Iterator[_Element]:
         while len(data):
@@ -181,9 +264,10 @@ class Mat5Reader:
             bytes(names.data[start : start + width]).split(b"\0")[0].decode("latin-1")
             for start in range(0, len(names.data), width)
         ]
-        if count != 1:
-            return LeftOut(f"an array of {count} structs")
-        return dict(zip(fields, self._cells(len(fields), rest, depth), strict=True))
+        values = self._cells(count * len(fields), rest, depth)
+        rows = [values[start : start + len(fields)] for start in range(0, len(values), len(fields))]
+        structs = [dict(zip(fields, row, strict=True)) for row in rows]
+        return structs[0] if count == 1 else structs
 
     def _numbers(self, element: _Element) -> NDArray[Any]:
         if element.kind not in _NUMBERS:
