@@ -111,6 +111,41 @@ def parse_unit(text: str) -> Unit | None:
     return _KNOWN.get(plain) or _KNOWN_LOWER.get(plain.lower())
 
 
+# A unit that ends a name: acc_g, Force_N, A01_m_s2, Kraft in kN, AccG.
+_UNIT_BEHIND = re.compile(
+    r"(?P<stem>.+?)(?:[\s_.,/:-]+(?:in[\s_]+)?|(?<=[a-z])(?=[A-Z]))"
+    r"(?P<unit>[A-Za-zµμ]+(?:[/_]s(?:ec)?(?:\^?-?2|²)?|\^?-?2|²)?)"
+)
+_BARE_SQUARE = re.compile(r"(m|mm|cm)p?s(?:\^?-?2|²)")  # ms2, mps2
+# Words that a name has for what it measures; single letters may have a number.
+_QUANTITY_IN_NAME = {
+    ACCELERATION: r"acc\w*|beschl\w*|a[xyz]?[0-9]*",
+    FORCE: r"force|kraft|f[xyz]?[0-9]*|load\w*|hammer|shaker|hit|impact",
+    VELOCITY: r"vel\w*|geschw\w*|schnelle|v[0-9]*",
+    DISPLACEMENT: r"disp\w*|weg|auslenk\w*",
+    VOLTAGE: r"volt\w*|spannung|u[0-9]*",
+}
+# Units that mean nothing else at the end of a name, whatever it calls the channel.
+_CLEAR_UNITS = {"kN", "daN", "mN", "lbf", "kgf", "mg", "Gal", "mm", "um", "mV"}
+
+
+def unit_in_name(name: str, *, guess: bool = False) -> str:
+    """Unit at the end of a name such as ``"acc_g"`` or ``"A01_m_s2"``; empty without one.
+
+    A letter alone is a unit only where the name also speaks of its quantity, or as a `guess`.
+    """
+    match = _UNIT_BEHIND.fullmatch(name.strip())
+    if match is None:
+        return ""
+    text = _BARE_SQUARE.sub(r"\1/s^2", match["unit"].replace("_", "/"))
+    unit = parse_unit(text)
+    if unit is None or unit.quantity == UNKNOWN:
+        return ""
+    word = _QUANTITY_IN_NAME[unit.quantity]
+    said = re.search(rf"(?:^|[^a-z])(?:{word})(?:[^a-z]|$)", match["stem"].lower())
+    return text if guess or said or "/" in text or _normalise(text) in _CLEAR_UNITS else ""
+
+
 def parse_ratio(text: str) -> tuple[Unit, Unit] | None:
     """Numerator and denominator of a unit of motion over force, e.g. ``"(m/s^2)/N"``."""
     numerator, slash, denominator = _normalise(text).rpartition("/")

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.finding import Check, Finding
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, Channel, Recording
-from ema.core.units import TIME, is_stated, parse_axis, parse_unit
+from ema.core.units import TIME, is_stated, parse_axis, parse_unit, unit_in_name
 from ema.io.content import (
     EXPORT_AGAIN,
     FileContent,
@@ -382,16 +382,18 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
 def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Finding]) -> Channel:
     name = column.place if column.place and is_repeated else column.name
     name = unicodedata.normalize("NFC", name)  # umlauts as manifests are read
-    unit = parse_unit(column.unit)
-    if unit is None and is_stated(column.unit):
-        findings.append(remark(path, name, Check.UNIT, f"unit {column.unit!r} is not known"))
+    text = column.unit
+    if not is_stated(text) and (text := unit_in_name(name)):
+        detail = f"unit {text!r} by the end of the name"
+        findings.append(Finding(path.name, name, None, Check.UNIT, Verdict.OK, detail))
+    unit = parse_unit(text)
+    if unit is None and is_stated(text):
+        findings.append(remark(path, name, Check.UNIT, f"unit {text!r} is not known"))
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
     node, sense, axis, _ = point_of(name) or (None, 1, 0, "")
     scale = sense * factor
-    return Channel(
-        name, quantity, column.unit, column.samples, scale_to_si=scale, node=node, axis=axis
-    )
+    return Channel(name, quantity, text, column.samples, scale_to_si=scale, node=node, axis=axis)
 
 
 def without_complex(

@@ -149,7 +149,7 @@ def _fastest(channels: list[TdmsChannel]) -> list[TdmsChannel]:
     slow = [each for each in channels if each not in fast and each.name not in names]
     units = (parse_unit(_column(channel, np.empty(0), 0.0).unit) for channel in slow)
     is_wanted = any(unit is not None and unit.quantity in (FORCE, ACCELERATION) for unit in units)
-    return channels if is_wanted or len(fast) < 2 else fast
+    return channels if is_wanted or (slow and len(fast) < 2) else fast
 
 
 def _starts_s(channels: list[TdmsChannel]) -> list[float]:

@@ -22,7 +22,7 @@ from ema.core.recording import (
     Recording,
     motions,
 )
-from ema.core.units import SI_UNIT, is_stated
+from ema.core.units import SI_UNIT, is_stated, unit_in_name
 from ema.io.campaign.manifest import MANIFEST_NAME
 from ema.io.content import remark
 
@@ -240,6 +240,8 @@ class _Roles:
             found = f"{channel.name!r} measures {channel.quantity}{unit}"
             raise self.fault(found, f"its role needs {quantity} in a known unit", remedy)
         detail = f"no unit stated; taken as {quantity} in {SI_UNIT[quantity]}"
+        if text := unit_in_name(channel.name, guess=True):
+            detail += f", though its name ends in {text!r}"
         self.note(channel.name, Check.UNIT, detail)
         return replace(channel, quantity=quantity)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,8 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     if has_frequency(columns):
         return frf_content(path, columns, findings)
     refuse_other_lines(path, columns)
+    if sum(is_time(each.name, each.unit) for each in columns) > 1:
+        columns = [replace(each, start_s=0.0) for each in columns]  # each time shows its start
     return content_of_columns(path, columns, rate=layout.rate, findings=findings)
 
 
@@ -100,7 +103,8 @@ def _column(
         findings.append(remark(path, name, Check.IGNORED, "no number in any row; left out"))
         return None
     findings += missing_samples(path, name, cells)
-    return Column(name, unit, cells.samples)
+    start_s = layout.starts_s[index] if layout.starts_s else 0.0
+    return Column(name, unit, cells.samples, start_s=start_s)
 
 
 def write_csv(path: Path | str, channels: Sequence[Channel], sampling_rate_hz: float) -> None:

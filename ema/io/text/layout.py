@@ -7,11 +7,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
+from pathlib import Path
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, is_stated, parse_axis
 from ema.io.columns import is_time
-from ema.io.content import EXPORT_AGAIN
+from ema.io.content import EXPORT_AGAIN, not_together
 from ema.io.rates import UNSTATED, Rate, exact_rate, is_possible, rate_of_step
 from ema.io.text.source import (
     BLANKS,
@@ -32,6 +33,7 @@ from ema.io.text.source import (
     is_number,
     label,
     lines_of,
+    starts_of,
 )
 
 _MOST_PREAMBLE = 200  # lines
@@ -55,6 +57,16 @@ _STATEMENT = re.compile(
 )
 _PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 512 Hz, …``
 _SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
+# Rows above a table with a value for each column, as LabVIEW writes them.
+_ROW_OF_STARTS = re.compile(
+    r"[xt]_?0|wf_start_offset|start[\s_-]*(?:time|value|offset)|(?:time|zeit)?[\s_-]*offset|"
+    r"startzeit|abscissa[\s_-]*min\w*|(?:time|uhrzeit)",
+    re.IGNORECASE,
+)
+_ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
+_ROW_OF_UNITS = re.compile(
+    r"(?:y[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
+)
 _LONGEST = 200
 
 
@@ -80,6 +92,7 @@ class Layout:
     filled: int = 0  # columns without the empty ones of separators at the ends of rows
     either_decimal: bool = False  # whether the first rows, integers, leave the decimal sign open
     rate: Rate = UNSTATED  # stated above the table
+    starts_s: tuple[float, ...] = ()  # of the columns, where a row above the table states them
 
     @property
     def width(self) -> int:
@@ -280,12 +293,15 @@ def _layout(
     labels = [label(cell) for cell in _heading(table, table.names)]
     cells = cells_of(first.text, dialect.separator)
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
+    above = lines[: lines.index(table.names)]
+    _, units_above = _row_above(where, above, _ROW_OF_UNITS, table, labels)
+    stated = zip(labels, _heading(table, table.units), units_above, strict=True)
     return Layout(
         dialect=dialect,
         names=tuple(name for name, _ in labels),
         units=tuple(
-            unit or below.strip().removeprefix("[").removesuffix("]").strip()
-            for (_, unit), below in zip(labels, _heading(table, table.units), strict=True)
+            unit or (below.strip() or on_top).removeprefix("[").removesuffix("]").strip()
+            for (_, unit), below, on_top in stated
         ),
         first_line=first.number,
         start=first.start,
@@ -293,8 +309,57 @@ def _layout(
         dates=frozenset(index for index, cell in enumerate(cells) if DATE.fullmatch(cell)),
         filled=max(each.filled for each in table.rows),
         either_decimal=any(t and t.dialect == other and t.rank == table.rank for t in tables),
-        rate=_rate_above(where, lines, table),
+        rate=_rate_above(where, above, table, labels),
+        starts_s=_starts_above(where, above, table, labels),
     )
+
+
+def _row_above(
+    where: str,
+    lines: Sequence[Line],
+    form: re.Pattern[str],
+    table: _Table,
+    labels: Sequence[tuple[str, str]],
+) -> tuple[Line | None, list[str]]:
+    """The last row above the names with a value for each column, and these values.
+
+    Its key stands above the time where the table has one. One value holds for all columns.
+    """
+    width, missing = len(labels), [""] * len(labels)
+    for line in reversed(lines):
+        key, *values = heading_cells(line.text, table.dialect.separator, width)
+        while values and not values[-1]:
+            values.pop()
+        if not values or not form.fullmatch(key.rstrip(": ")):
+            continue
+        if len(values) == 1:
+            return line, values * width
+        is_key_above_time = len(values) < width and (not labels[0][0] or is_time(*labels[0]))
+        cells = ["", *values] if is_key_above_time else values
+        if len(cells) <= width:
+            return line, [*cells, *missing][:width]
+        if form is not _ROW_OF_UNITS:
+            found = f"{len(values)} values of {key!r} above {width} columns"
+            rule = "a row of starts or steps must have a value for each channel"
+            raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
+    return None, missing
+
+
+def _starts_above(
+    where: str, lines: Sequence[Line], table: _Table, labels: Sequence[tuple[str, str]]
+) -> tuple[float, ...]:
+    """Starts of the columns by a row such as ``X0,0,0.03125``; empty where they are the same."""
+    line, values = _row_above(where, lines, _ROW_OF_STARTS, table, labels)
+    first = next((each for each in values if each), "")
+    values = [each or first for each in values]
+    if line is None or len(set(values)) == 1:
+        return ()
+    try:
+        return tuple(starts_of(values, table.dialect.decimal))
+    except ValueError as error:
+        rule = "starts of channels must be numbers of seconds or times of day"
+        place = f"{where}, line {line.number}"
+        raise RecordingFormatError(place, str(error), rule, EXPORT_AGAIN) from error
 
 
 def _check_commas(where: str, table: _Table) -> None:
@@ -315,10 +380,19 @@ def _heading(table: _Table, line: Line | None) -> list[str]:
     return [*cells, *[""] * width][:width]
 
 
-def _rate_above(where: str, lines: Sequence[Line], table: _Table) -> Rate:
+def _rate_above(
+    where: str, lines: Sequence[Line], table: _Table, labels: Sequence[tuple[str, str]]
+) -> Rate:
     """The sampling rate that lines above the table state."""
     rate, first = UNSTATED, 0
-    for line in lines[: lines.index(table.names)]:
+    of_columns, steps = _row_above(where, lines, _ROW_OF_STEPS, table, labels)
+    steps = sorted({each for each in steps if each})
+    if of_columns is not None and len(steps) > 1:
+        raise not_together(Path(where), f"steps {', '.join(steps)} in line {of_columns.number}")
+    if of_columns is not None and steps:
+        rate = stated_rate(f"dt = {steps[0]}", table.dialect.decimal) or UNSTATED
+        first = of_columns.number if rate is not UNSTATED else 0
+    for line in lines:
         parts = (line.text, *(each for each in _PARTS.split(line.text) if "=" in each))
         found_in = (stated_rate(part, table.dialect.decimal) for part in parts)
         stated = next((each for each in found_in if each is not None), None)

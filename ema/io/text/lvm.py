@@ -18,9 +18,9 @@ from ema.core.recording import ACCELERATION, FORCE
 from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, entries, note, remark
-from ema.io.rates import UNSTATED, Rate, parse_number, rate_of_step
+from ema.io.rates import UNSTATED, Rate, rate_of_step
 from ema.io.text.layout import Dialect, Layout
-from ema.io.text.source import open_text
+from ema.io.text.source import open_text, starts_of
 from ema.io.text.table import missing_samples, read_cells
 
 SUFFIXES = (".lvm",)
@@ -41,7 +41,7 @@ class _ChannelHeader:
 
     place: int  # of its column
     unit: str
-    start_s: float  # by X0
+    start_s: float  # by X0 and Time
     why_not: str = ""
 
 
@@ -86,9 +86,7 @@ def read(path: Path) -> FileContent:
             continue
         if is_multi:
             columns.append(Column("X_Value", "s", cells[channel.place - 1].samples[:n_rows]))
-        # One column of time for each channel: each shows the start of its channel.
-        start_s = 0.0 if is_multi else channel.start_s
-        columns.append(Column(name, channel.unit, own.samples[:n_rows], "", start_s))
+        columns.append(Column(name, channel.unit, own.samples[:n_rows], "", channel.start_s))
         findings += missing_samples(path, name, own)
     return content_of_columns(
         path, columns, rate=header.rate, findings=findings, statements=header.statements
@@ -175,6 +173,7 @@ class _Entries:
     def __init__(self, where: str, lines: list[str], separator: str) -> None:
         self.where, self.separator = where, separator
         self._values: dict[str, list[str]] = {}
+        self.stride = 1  # from a channel's values to those of the next one
         self.first: dict[str, str] = {}  # of special blocks too
         for line in _SPECIAL.sub("", "\n".join(lines)).split("\n"):
             key, *values = (cell.strip() for cell in line.split(separator))
@@ -185,7 +184,13 @@ class _Entries:
 
     def of_channels(self, key: str, n: int) -> list[str]:
         """Values for each channel, empty where they are not stated."""
-        return [*self._values.get(key, []), *[""] * n][:n]
+        return [*self._values.get(key, [])[:: self.stride], *[""] * n][:n]
+
+    @property
+    def is_spread(self) -> bool:
+        """Whether rows leave a place empty above each further column of time."""
+        rows = (self._values.get(key, []) for key in ("Samples", "X_Dimension", "X0", "Delta_X"))
+        return any(row[1:2] == [""] and any(row[2:3]) for row in rows)
 
     def one(self, key: str, default: str) -> str:
         """A single value in lower case."""
@@ -221,10 +226,11 @@ def _header(
         rule = f"it must be the number of channels, and {len(heading)} names are below the header"
         raise segment.fault("Channels", repr(count), rule)
     n = int(count)
+    segment.stride = stride if segment.is_spread else 1
     counts = _counts(segment, n)
     steps = segment.of_channels("Delta_X", n)
     units = segment.of_channels("Y_Unit_Label", n)
-    starts_s = _starts_s(segment, n, decimal)
+    starts_s = _starts_s(segment, n, decimal, has_times=x_columns == "multi")
     most_rows = max((each for each in counts if each is not None), default=None)
     fast = next((step for step, each in zip(steps, counts, strict=True) if each == most_rows), "")
     reasons = [_why_not(*each, most_rows, fast) for each in zip(counts, steps, units, strict=True)]
@@ -275,9 +281,13 @@ def _rate(segment: _Entries, stated: Sequence[str], decimal: str) -> Rate:
     return rates[0] if rates else UNSTATED
 
 
-def _starts_s(segment: _Entries, n: int, decimal: str) -> list[float]:
+def _starts_s(segment: _Entries, n: int, decimal: str, *, has_times: bool) -> list[float]:
+    """Starts of channels; X0 is in the column of time where each channel has one."""
     starts = [each or "0" for each in segment.of_channels("X0", n)]
+    clocks = [each for each in segment.of_channels("Time", n) if each]
+    clocks = clocks if len(clocks) == n and len(set(clocks)) > 1 else []
     try:
-        return [parse_number(start.replace(decimal, ".")) for start in starts]
+        return starts_of(["0"] * n if has_times else starts, decimal, clocks)
     except ValueError as error:
-        raise segment.fault("X0", str(error), "it must be the time of the first sample") from error
+        rule = "they must be the time of the first sample"
+        raise segment.fault("X0 and Time", str(error), rule) from error

@@ -8,7 +8,7 @@ import gzip
 import os
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
@@ -19,6 +19,7 @@ from ema.core.errors import RecordingFormatError, original
 from ema.core.units import parse_axis, parse_ratio, parse_unit
 from ema.io.columns import name_and_unit
 from ema.io.content import COPY_AGAIN, unreadable
+from ema.io.rates import parse_number
 
 _HEAD_BYTES = 1 << 20
 _SMALLEST_SECTION = 1 << 18
@@ -221,6 +222,33 @@ _OTHER_LABELS = (
 _PHASES = {"deg", "°", "degree", "degrees", "rad", "radian"}
 _COMMENT_MARK = re.compile(r"^ *(?:[#!']+|//|%+(?= )) *")
 _LONGEST_NAME = 400
+
+
+_DAY_S = 86_400.0
+_ABSOLUTE_S = 1e8  # starts of this size contain the date: LabVIEW counts from 1904
+
+
+def starts_of(values: Sequence[str], decimal: str, clocks: Sequence[str] = ()) -> list[float]:
+    """Starts of channels in s, from numbers or times of day, behind `clocks` if there are some.
+
+    ValueError for other texts. Times of day may pass midnight.
+    """
+    times = [_seconds_of_day(each) for each in clocks] or [0.0] * len(values)
+    if any(":" in each for each in values):
+        times, values = [_seconds_of_day(each) for each in values], ["0"] * len(values)
+    if max(times) - min(times) > _DAY_S / 2:
+        times = [each + _DAY_S * (each < _DAY_S / 2) for each in times]
+    starts = [parse_number((each or "0").replace(decimal, ".")) for each in values]
+    if max(starts) >= _ABSOLUTE_S:
+        return starts
+    return [time + start for time, start in zip(times, starts, strict=True)]
+
+
+def _seconds_of_day(text: str) -> float:
+    match = re.fullmatch(r"(?:\S+[ T])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?)", text.strip())
+    if match is None:
+        raise ValueError(f"{text!r} is no time of day")
+    return 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
 
 
 def is_number(cell: str, decimal: str) -> bool:

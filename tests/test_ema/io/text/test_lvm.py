@@ -1,5 +1,6 @@
 """LabVIEW measurement files: headers, columns of time, comments, segments, and faults."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,12 @@ MULTI = [f"{k / 2000}\t{a}\t{k / 2000}\t{f}" for k, (a, f) in enumerate(ROWS)]
 PLAIN = general() + segment(NO)
 
 
+def spread(text):
+    """With an empty place in the header above each further column of time, as LabVIEW writes."""
+    header, end, rows = text.partition("***End_of_Header***")
+    return re.sub(r"(?m)^((?!Channels)\w+\t[^\t\n]*\t)([^\t\n]+)", r"\1\t\2", header) + end + rows
+
+
 def read(tmp_path, text):
     path = tmp_path / "a.lvm"
     path.write_bytes(text.encode("cp1252"))
@@ -62,6 +69,7 @@ def read(tmp_path, text):
         PLAIN.rstrip("\n"),
         general("One") + segment(ONE),
         general("Multi") + segment(MULTI, x="Multi"),
+        general("Multi") + spread(segment(MULTI, x="Multi")),
         general("One") + segment(ONE).replace("Delta_X", "Unknown"),
         general() + segment([NO[0] + "\tstarted, here\tor there", NO[1], NO[2] + "\t", NO[3]]),
         general() + segment([f"{row}\t" for row in NO]),
@@ -77,6 +85,19 @@ def test_forms_of_one_recording(tmp_path, text):
     samples = np.stack([channel.samples for channel in recording.channels])
     np.testing.assert_array_equal(samples, np.transpose(ROWS))
     assert found.findings == ()
+
+
+@pytest.mark.parametrize("rows", ["NO", "MULTI"])
+def test_times_of_day_of_channels_are_starts(tmp_path, rows):
+    """Two samples apart at 2000 Hz; X0 is the same."""
+    form, lines = ("No", NO) if rows == "NO" else ("Multi", MULTI)
+    header = segment(lines) if rows == "NO" else segment(lines, x="Multi")
+    clocks = "Time\t23:59:59.9995\t00:00:00.0005\n"
+    text = general(form) + header.replace("X_Dimension", clocks + "X_Dimension", 1)
+    found = read(tmp_path, text).recording
+    late, early = (np.array([row[k] for row in ROWS]) for k in (0, 1))
+    np.testing.assert_array_equal(found.channels[0].samples, late[2:])
+    np.testing.assert_array_equal(found.channels[1].samples, early[:-2])
 
 
 def test_later_segments_are_left_out_and_said_so(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 import ema
 from ema.core.errors import RecordingFormatError
+from ema.core.units import parse_unit
 from ema.io.formats import is_recording
 from ema.io.text.csv import read as read_text
 
@@ -261,3 +262,50 @@ def test_a_campaign_from_a_european_table(tmp_path):
     assert [response.channel.name for response in run.responses] == ["A01"]
     np.testing.assert_array_equal(run.force.block(0, 64), force * 1e3)
     np.testing.assert_array_equal(run.responses[0].channel.block(0, 64), acceleration)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        *(("acc_g", "g"), ("A01_m_s2", "m/s^2"), ("A01 mg", "mg"), ("Beschl. in g", "g")),
+        *(("a01_mm/s²", "mm/s²"), ("ForceN", "N"), ("Kraft_kN", "kN"), ("vel_mm_s", "mm/s")),
+        *(("load_mV", "mV"), ("hammer_lbf", "lbf")),
+        *(("sensor_A", ""), ("node_g", ""), ("acc_N", ""), ("acc_V", ""), ("A01", "")),
+    ],
+)
+def test_units_at_the_end_of_names(tmp_path, name, unit):
+    (channel,) = content(tmp_path, f"fs = 512\n{name}\n1\n2\n").recording.channels
+    assert channel.name == name
+    assert parse_unit(channel.unit) == parse_unit(unit)
+
+
+_ROWS_ABOVE = [
+    "X0,0.0,0.03125,\nDelta_X,0.001953125,0.001953125,\nY_Unit_Label,N,g\n,force,A01\n,",
+    "Unit,N,g\nX0,0.0,0.03125\nDelta_X,0.001953125,0.001953125\nforce,A01\n",
+    "Time,10:00:00.0,10:00:00.03125\nUnits:,N,g\nfs = 512\nforce,A01\n",
+]
+
+
+@pytest.mark.parametrize("head", _ROWS_ABOVE)
+def test_rows_above_a_table_state_starts_steps_and_units(tmp_path, head):
+    head, _, first = head.rpartition("\n")
+    rows = "".join(f"{first}{k},{-k}\n" for k in range(1, 41))
+    found = content(tmp_path, f"{head}\n{rows}").recording
+    force, sensor = found.channels
+    assert (found.sampling_rate_hz, force.unit, sensor.unit) == (512.0, "N", "g")
+    np.testing.assert_array_equal(force.samples, np.arange(17, 41))
+    np.testing.assert_array_equal(sensor.samples, -np.arange(1.0, 25.0))
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("X0,0,0.002", "1.02.* samples; channels must start together"),
+        ("X0,0,0,0.5", "line 1: 3 values of 'X0' above 2 columns"),
+        ("Start time,morning,noon", "line 1: .*starts of channels must be"),
+        ("Delta_X,0.001,0.002", "steps 0.001, 0.002 in line 1"),
+    ],
+)
+def test_rows_above_a_table_that_do_not_fit(tmp_path, row, message):
+    with pytest.raises(RecordingFormatError, match=message):
+        content(tmp_path, f"{row}\nfs = 512\nforce,A01\n" + "1,2\n" * 40)
