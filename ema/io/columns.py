@@ -45,6 +45,7 @@ _TIME_NAMES = {
     *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
+_SPECTRUM = re.compile(r"(?<![^\W_])(?:fft|psd|spectrum|spektrum)(?![^\W_])", re.IGNORECASE)
 # A unit of time or frequency behind a name: time_ms, Zeit in ms, TimeUs, omega_rad_s.
 _UNITS_BEHIND = tuple(
     re.compile(rf"(?P<stem>.+){between}(?P<unit>{unit})")
@@ -386,9 +387,12 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
     if not is_stated(text) and (text := unit_in_name(name)):
         detail = f"unit {text!r} by the end of the name"
         findings.append(Finding(path.name, name, None, Check.UNIT, Verdict.OK, detail))
-    unit = parse_unit(text)
-    if unit is None and is_stated(text):
+    if (unit := parse_unit(text)) is None and is_stated(text):
         findings.append(remark(path, name, Check.UNIT, f"unit {text!r} is not known"))
+    if _SPECTRUM.search(name):
+        findings.append(
+            remark(path, name, Check.CONTENT, "a spectrum by its name, read as samples")
+        )
     column.samples.setflags(write=False)
     quantity, factor = (UNKNOWN, 1.0) if unit is None else (unit.quantity, unit.factor)
     node, sense, axis, _ = point_of(name) or (None, 1, 0, "")

@@ -22,6 +22,7 @@ from ema.io.content import EXPORT_AGAIN, FileContent
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
+_FREQUENCY_WORD = re.compile(r"(?:^|[^a-z])(?:freq|frequency|frequenz|frequence)(?:[^a-z]|$)")
 _ANGULAR = {"omega": "rad/s", "ω": "rad/s", "w": "rad/s"}  # what such a name means
 # An FRF with a resonance passes 90°; a phase in rad that is not wrapped stays below 14 turns.
 _FEWEST_DEGREES = 90.0
@@ -66,7 +67,8 @@ def unit_of_lines(column: Column) -> str:
     if is_stated(column.unit):
         return column.unit
     name, unit = label_of_axis(column.name.strip(_SEPARATORS))
-    if name.lower() in _FREQUENCY_NAMES:
+    is_named = name.lower() in _FREQUENCY_NAMES
+    if is_named or (_FREQUENCY_WORD.search(name.lower()) and _rises_evenly(column)):
         return unit or "Hz"
     return _ANGULAR.get(name.lower(), name)
 
@@ -112,8 +114,11 @@ def _has_part(name: str) -> bool:
 
 def are_lines(column: Column) -> bool:
     """Whether a column is of evenly spaced frequencies."""
-    is_real = column.samples.dtype.kind in "iuf"
-    return has_frequency([column]) and is_real and even_step(column.samples) is not None
+    return has_frequency([column]) and _rises_evenly(column)
+
+
+def _rises_evenly(column: Column) -> bool:
+    return column.samples.dtype.kind in "iuf" and even_step(column.samples) is not None
 
 
 @dataclass

@@ -40,6 +40,8 @@ _UNITS = {"units", "unit", "channelunits"}
 # Fields of a struct for each channel: its name, and what its vector is called if not that.
 _NAME = {"name", "signalname", "channelname", "label", "channel"}
 _VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
+_FEWEST_SAMPLES = 16  # of a channel beside others that are four times as long
+_OF_SPECTRA = {"df", "deltaf", "fstart", "freqstep", "frequencystep"}
 _SETTINGS = re.compile("header|info|settings|setup|param|acquisition|meta", re.IGNORECASE)
 _LAYOUTS = (
     "a file must contain a vector for each channel, or one matrix and the channel names, plus "
@@ -257,6 +259,7 @@ def _sorted(variables: Mapping[str, Any]) -> _Variables:
                 _sort_struct(place, fields, found)
         else:
             found.left_out[name] = value.why if isinstance(value, LeftOut) else _KINDS[type(value)]
+    _leave_out_short(found)
     return found
 
 
@@ -327,6 +330,10 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         beside = [*others, *(each.place for each in found.of_structs)]
         what += f" and vectors {', '.join(beside)}" if beside else ""
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
+    if _spectral(found) and not (found.rates or times):
+        what = f"{', '.join(sorted(_spectral(found)))} and neither a rate nor frequencies"
+        rule = "FRFs need the vector of their frequencies, and time series fs, dt or t"
+        raise RecordingFormatError(path.name, what, rule, "Save it beside them")
     if not (found.matrices or others or found.of_structs):
         held = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
@@ -348,6 +355,20 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     unit_of = dict(zip(others, units, strict=True))
     columns += [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
     return columns + _columns_of_structs(path, found.of_structs)
+
+
+def _spectral(found: _Variables) -> set[str]:
+    """Single numbers that only spectra have."""
+    return {name for name in found.left_out if plain_name(name) in _OF_SPECTRA}
+
+
+def _leave_out_short(found: _Variables) -> None:
+    """Leave out vectors of a few values beside channels."""
+    longest = max(map(len, found.vectors.values()), default=0)
+    for name, samples in list(found.vectors.items()):
+        if len(samples) < min(_FEWEST_SAMPLES, longest // 4):
+            found.left_out[name] = f"{len(samples)} values"
+            del found.vectors[name]
 
 
 def _bare(name: str, samples: NDArray[Any]) -> Column:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.core.recording import ACCELERATION, FORCE
-from ema.core.units import parse_unit
+from ema.core.units import TIME, AxisUnit, is_stated, parse_axis, parse_unit
 from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, note, reading, remark, require
 from ema.io.rates import stated_rate
@@ -44,6 +44,7 @@ def read(path: Path) -> FileContent:
         for item in (tdms, *tdms.groups(), *channels):
             _check_scales(path, item.properties)
         usable = [each for each in channels if len(each) > 0 and each.dtype.kind in "iuf"]
+        usable = _over_time(path, usable)
         wanted = _fastest(usable)
         samples = _samples(path, tdms, wanted)
         starts_s = _starts_s(wanted)
@@ -58,7 +59,7 @@ def read(path: Path) -> FileContent:
             for name, value in item.properties.items()
         }
     findings = [
-        remark(path, channel.name, Check.CONTENT, "no samples, or not numeric")
+        remark(path, channel.name, Check.CONTENT, "no samples, not numeric, or not over time")
         for channel in channels
         if channel not in usable
     ]
@@ -136,6 +137,25 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
             where, found = f"{path.name}, {channel.path}", f"{count} of {array.size} samples"
             raise RecordingFormatError(where, found, "the file is truncated", LEAVE_OUT)
     return arrays
+
+
+def _over_time(path: Path, channels: list[TdmsChannel]) -> list[TdmsChannel]:
+    """Channels over time in s; an axis is known by its unit, or its name."""
+    over_time = []
+    for channel in channels:
+        stated = [str(channel.properties.get(key, "")) for key in ("wf_xunit_string", "wf_xname")]
+        units = [parse_axis(each) for each in stated if is_stated(each)]
+        unit = next((each for each in units if each is not None), AxisUnit(TIME, 1.0))
+        if unit.kind == TIME and unit.factor != 1.0:
+            rule, remedy = "wf_increment must be in s", "Export the channels over s"
+            where = f"{path.name}, {channel.path}"
+            raise RecordingFormatError(where, f"wf_xunit_string {stated[0]!r}", rule, remedy)
+        if unit.kind == TIME and "freq" not in stated[1].lower():
+            over_time.append(channel)
+    if channels and not over_time:
+        rule, remedy = "time series are read from TDMS", "Export FRFs as universal file or table"
+        raise RecordingFormatError(path.name, "channels over frequency", rule, remedy)
+    return over_time
 
 
 def _fastest(channels: list[TdmsChannel]) -> list[TdmsChannel]:

@@ -200,12 +200,16 @@ _LONG_DATE = (
     rf"{_DATE}|[0-9]{{8}}|[0-9]{{1,5}} days?|[0-9]{{1,2}}\.?[- ]{_MONTH}[- ][0-9]{{2,4}}"
     rf"|{_MONTH} [0-9]{{1,2}},? [0-9]{{4}}"
 )
+_WEEKDAY = r"[DFMSTW][a-zàéíéäö]{1,9}\.?,?[ ]+"
 # A time of day or since a start, perhaps with a date: ISO 8601, 31.12.2026, 12/31/2026,
-# 31-Dec-2026; where there are no hours, minutes with a fraction.
+# Sat 31-Dec-2026; behind it perhaps a zone (Z, +01:00, CET, Europe/Berlin). Where there are no
+# hours, minutes with a fraction.
 CLOCK = re.compile(
-    rf"(?:(?P<date>{_LONG_DATE})(?:T|[ ]*[-_ ][ ]*))?(?P<hours>[0-9]{{1,2}}:)?"
+    rf"(?:(?:{_WEEKDAY})?(?P<date>{_LONG_DATE})(?:T|[ ]*[-_ ][ ]*))?(?P<hours>[0-9]{{1,2}}:)?"
     r"(?P<rest>[0-9]{2}:[0-9]{2}(?:[.,][0-9]{1,9}|:[0-9]{3}(?:[0-9]{3}){0,2})?)"
-    r"(?:[ ]*(?P<half>[AaPp])\.?[Mm]\.?)?(?:[ ]?(?:Z|[A-Z]{3,4}|[+-][0-9]{2}(?::?[0-9]{2})?))?"
+    r"(?:[ ]*(?P<half>[AaPp])\.?[Mm]\.?)?"
+    r"(?:[ ]?(?:Z|[A-Z]{3,4}(?:[+-][0-9]{1,2})?|[+-][0-9]{2}(?::?[0-9]{2})?))?"
+    r"(?:[ ]?\[?[A-Z][A-Za-z_]+(?:/[A-Za-z_]+)+\]?)?"
 )
 # A complex number in one cell, as numpy and MATLAB write it.
 COMPLEX = re.compile(r"[0-9.]\s?[+-]\s?(?:[ij]\*?[0-9.]|[0-9.]+(?:[eE][+-]?[0-9]+)?\s?\*?[ij]\b)")

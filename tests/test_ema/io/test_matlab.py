@@ -190,6 +190,7 @@ AMBIGUOUS = {
     "nothing": ({"fs": 2.0, "note": "x"}, "note (text)"),
     "complex": ({"H": NOISE + 1j}, "(complex numbers); FRFs need their frequencies"),
     "logical": ({"on": NOISE > 0}, "on (logical values)"),
+    "spectra": ({"H": NOISE, "df": 0.5}, "df and neither a rate nor frequencies"),
     "struct array": ({"run": [{"a": 1.0}, {"a": 2.0}]}, "no vectors"),
 }
 
@@ -436,3 +437,11 @@ def test_frfs_in_structs_share_their_frequencies(tmp_path):
     found = read_file(tmp_path / "a.mat")
     assert found.frf_names == ("H11", "H21")
     np.testing.assert_array_equal(found.frf.values, [values, 2 * values])
+
+
+def test_a_few_values_beside_channels_are_left_out(tmp_path):
+    variables = {**SINGLY, "fs": RATE_HZ, "window": np.array([1.0, 2.0])}
+    scipy.io.savemat(tmp_path / "a.mat", variables)
+    found = read_file(tmp_path / "a.mat")
+    assert found.recording.names == tuple(SINGLY)
+    assert [each.channel for each in found.findings] == ["window"]

@@ -168,3 +168,22 @@ def test_without_the_library_it_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "nptdms", None)
     with pytest.raises(RecordingFormatError, match="pip install nptdms"):
         read_file(path)
+
+
+def test_only_channels_over_time_are_read(tmp_path):
+    spectrum = channel("PSD", FORCE, wf_xunit_string="Hz", wf_xname="Frequency")
+    signal = channel("A01", FORCE, wf_xunit_string="s", wf_xname="Time")
+    found = read_file(write(tmp_path / "a.tdms", [signal, spectrum]))
+    assert found.recording.names == ("A01",)
+    assert [each.channel for each in found.findings] == ["PSD"]
+    with pytest.raises(RecordingFormatError, match="channels over frequency"):
+        read_file(write(tmp_path / "a.tdms", [spectrum]))
+    late = channel("A01", FORCE, wf_xunit_string="ms")
+    with pytest.raises(RecordingFormatError, match="wf_increment must be in s"):
+        read_file(write(tmp_path / "a.tdms", [late]))
+
+
+def test_decimated_copies_of_a_single_channel_are_left_out(tmp_path):
+    copy = channel("A01", FORCE[::10], group="decimated", step=10 / RATE_HZ)
+    found = read_file(write(tmp_path / "a.tdms", [channel("A01", FORCE), copy])).recording
+    assert (found.names, found.sampling_rate_hz, found.n_samples) == (("A01",), RATE_HZ, 60)

@@ -307,3 +307,10 @@ def test_complex_cells_are_named(tmp_path):
     (tmp_path / "a.csv").write_text(f"Frequency [Hz],H1 [m/s^2/N]\n{rows}\n")
     with pytest.raises(RecordingFormatError, match="complex"):
         read_file(tmp_path / "a.csv")
+
+
+def test_a_frequency_called_otherwise_is_no_time(tmp_path):
+    rows = "".join(f"{4 + k / 50},{k % 7}\n" for k in range(60))
+    (tmp_path / "a.csv").write_text(f"Frequency - Acc_0,Amplitude - Acc_0\n{rows}")
+    with pytest.raises(RecordingFormatError, match="no phase"):
+        read_file(tmp_path / "a.csv")

@@ -146,6 +146,16 @@ def test_a_stated_rate_agrees_with_the_time(tmp_path):
             "t",
             ["2018/12/17 10:18:21.0000Z", "2018/12/17 10:18:21.0010Z", "2018/12/17 10:18:21.002Z"],
         ),
+        *(
+            ("Time", [each.format(k) for k in range(3)])
+            for each in (
+                "Mon, 31-Dec-2018 23:59:59.00{} UTC+1",
+                "Montag, 31. Dezember 2018 23:59:59.00{}",
+                "2018-12-31T23:59:59.00{}+01:00[Europe/Berlin]",
+                "Dec 31, 2018 11:59:59.00{} PM America/New_York",
+                "Sa 31.12.2018 23:59:59,00{}",
+            )
+        ),
     ],
 )
 def test_time_stamps(tmp_path, heading, stamps):
