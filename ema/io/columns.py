@@ -9,14 +9,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import UNKNOWN, Channel, Recording
+from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, Channel, Recording
 from ema.core.units import TIME, is_stated, parse_axis, parse_unit, unit_in_name
 from ema.io.content import (
     EXPORT_AGAIN,
@@ -24,6 +24,7 @@ from ema.io.content import (
     left_out,
     not_together,
     note,
+    point_of,
     remark,
     stated_windows,
 )
@@ -56,16 +57,9 @@ _UNITS_BEHIND = tuple(
     )
 )
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
-# Component, node and direction, as field programs and analysers write them, perhaps with those of
-# the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, M#1 13Z:1Z.
-_POINT = re.compile(
-    r"(?P<words>(?:[^:/\s]+\s+)*?)(?:(?![^:/]*\b[0-9]+[+-]?[RXYZ]:)[^:/]*:)*?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)"
-    r"(?:R|(?P<axis>[XYZ]))(?:\s*[/:]\s*(?P<reference>.*))?",
-    re.IGNORECASE,
-)
-_LONGEST_POINT = 120  # characters
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
+_SLOW_SHARE = 0.25  # of the longest channel, which slower ones beside it have at most
 _SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
 
 
@@ -85,29 +79,6 @@ def name_and_unit(label: str) -> tuple[str, str]:
     """Split a heading such as ``"A01 [m/s^2]"``; the unit is empty where there is none."""
     match = _LABEL.match(label.strip())
     return (match["name"], (match["unit"] or "").strip()) if match else (label.strip(), "")
-
-
-class Point(NamedTuple):
-    """A degree of freedom: node, sense (1 or −1) and axis as in `Channel`."""
-
-    node: int
-    sense: int
-    axis: int
-    reference: str = ""  # the force of an FRF, as its name has it
-
-
-#: What a name without a point states.
-NOWHERE = Point(0, 1, 0)
-
-
-def point_of(name: str) -> Point | None:
-    """Point of an id such as ``"Tire:13:+Z"``; None for other names."""
-    match = _POINT.fullmatch(name.strip()) if len(name) <= _LONGEST_POINT else None
-    if match is None or (match["words"] and not match["reference"]):
-        return None
-    axis = " XYZ".index((match["axis"] or " ").upper())
-    sense = -1 if match["sign"] == "-" else 1
-    return Point(int(match["node"]), sense, axis, match["reference"] or "")
 
 
 def is_time(name: str, unit: str) -> bool:
@@ -398,6 +369,21 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
     node, sense, axis, _ = point_of(name) or (None, 1, 0, "")
     scale = sense * factor
     return Channel(name, quantity, text, column.samples, scale_to_si=scale, node=node, axis=axis)
+
+
+def are_slow(lengths: Sequence[int], units: Sequence[str]) -> list[bool]:
+    """Which series are slow channels beside a recording; a force or an acceleration is none.
+
+    Those of the longest one's length are the recording, if there are at least two.
+    """
+    longest = max(lengths, default=0)
+    known = [parse_unit(unit) for unit in units]
+    wanted = [unit is not None and unit.quantity in (FORCE, ACCELERATION) for unit in known]
+    is_recording = list(lengths).count(longest) > 1
+    return [
+        is_recording and n <= _SLOW_SHARE * longest and not is_wanted
+        for n, is_wanted in zip(lengths, wanted, strict=True)
+    ]
 
 
 def without_complex(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -219,6 +220,39 @@ def arrow_reader(content: bytes) -> pa.BufferReader:
     memory = pa.allocate_buffer(len(content), memory_pool=pa.system_memory_pool())
     np.frombuffer(memory, np.uint8)[:] = np.frombuffer(content, np.uint8)
     return pa.BufferReader(memory)
+
+
+# Component, node and direction, as field programs and analysers write them, perhaps with those of
+# the force behind a slash or a colon: Tire:13:+Z/Tire:1:+Z, M#1 13Z:1Z.
+_POINT = re.compile(
+    r"(?P<words>(?:[^:/\s]+\s+)*?)(?:(?![^:/]*\b[0-9]+[+-]?[RXYZ]:)[^:/]*:)*?(?P<node>[0-9]{1,9}):?(?P<sign>[+-]?)"
+    r"(?:R|(?P<axis>[XYZ]))(?:\s*[/:]\s*(?P<reference>.*))?",
+    re.IGNORECASE,
+)
+_LONGEST_POINT = 120  # characters
+
+
+class Point(NamedTuple):
+    """A degree of freedom: node, sense (1 or −1) and axis as in `Channel`."""
+
+    node: int
+    sense: int
+    axis: int
+    reference: str = ""  # the force of an FRF, as its name has it
+
+
+#: What a name without a point states.
+NOWHERE = Point(0, 1, 0)
+
+
+def point_of(name: str) -> Point | None:
+    """Point of an id such as ``"Tire:13:+Z"``; None for other names."""
+    match = _POINT.fullmatch(name.strip()) if len(name) <= _LONGEST_POINT else None
+    if match is None or (match["words"] and not match["reference"]):
+        return None
+    axis = " XYZ".index((match["axis"] or " ").upper())
+    sense = -1 if match["sign"] == "-" else 1
+    return Point(int(match["node"]), sense, axis, match["reference"] or "")
 
 
 _SUBJECT = re.compile(r"window|pre-?trig|trigger", re.IGNORECASE)

@@ -17,8 +17,8 @@ from ema.core.frf import FRF
 from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.columns import NOWHERE, Column, Point, is_time, label_of_axis, point_of
-from ema.io.content import EXPORT_AGAIN, FileContent
+from ema.io.columns import Column, is_time, label_of_axis
+from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, point_of
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}

@@ -20,6 +20,7 @@ from ema.core.finding import Check, Finding
 from ema.io import content
 from ema.io.columns import (
     Column,
+    are_slow,
     content_of_columns,
     is_time,
     matrix_columns,
@@ -37,6 +38,7 @@ _SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conv
 _NOT_APPLIED = ("gain", "scale", "scaling", "factor", "sensitivity", "offset", "calibration")
 _PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
 _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
+_SLOW = "slower than the other channels"
 _DEEPEST = 32  # groups in groups
 _HEAP = b"GCOL\x01\0\0\0"
 _HEADER_BYTES = 16  # of a heap and of each object in it
@@ -52,15 +54,21 @@ def read(path: Path) -> FileContent:
     skipped: dict[str, str] = {}
     with opened(path, "an HDF5 file") as file:
         arrays = list(_arrays(file, file.root, "", {}, skipped))
-    real = [array for array in arrays if array.samples.dtype.kind != "c"]
-    stated = {array.path: array.samples for array in real if array.samples.size == 1}
-    series = []
+    series = [each for each in arrays if each.samples.size > 1 and each.n_sides <= 2]
+    slow = are_slow([max(each.samples.shape) for each in series], [each.unit for each in series])
+    skipped |= {each.path: _SLOW for each, is_slow in zip(series, slow, strict=True) if is_slow}
+    series = [each for each in series if each.path not in skipped]
+    kept = {each.path for each in series}
+    stated: dict[str, Any] = {}
     for array in arrays:
-        if array.samples.size > 1 and np.squeeze(array.samples).ndim <= 2:
-            series.append(array)
+        if array.samples.size == 1 and array.samples.dtype.kind != "c":
+            stated[array.path] = array.samples
+        elif array.path in kept:
             stated |= array.stated
-        elif not states_rate(array.name):
+        if not (array.path in kept or array.path in skipped or states_rate(array.name)):
             skipped[array.path] = f"array of shape {array.samples.shape}"
+    of_slow = {each.rpartition("/")[0] for each in skipped} - {each.group for each in series} - {""}
+    stated = {place: v for place, v in stated.items() if place.rpartition("/")[0] not in of_slow}
     if not series:
         held = "; ".join(f"{place}: {why}" for place, why in skipped.items()) or "nothing"
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
@@ -85,6 +93,16 @@ class _Array:
     samples: NDArray[Any]
     attributes: dict[str, Any]
     stated: dict[str, Any]  # attributes of its groups and its own, by their place
+
+    @property
+    def n_sides(self) -> int:
+        """Number of dimensions with more than one element."""
+        return np.squeeze(self.samples).ndim
+
+    @property
+    def unit(self) -> str:
+        """The first unit that its attributes state; empty without one."""
+        return [*_texts(self, _UNITS), ""][0]
 
     @property
     def group(self) -> str:
@@ -124,7 +142,7 @@ def _behind_their_times(arrays: Sequence[_Array]) -> list[_Array]:
     if len(times) < 2:
         return list(arrays)
     ordered = []
-    for group in dict.fromkeys(each.group for each in arrays):
+    for group in dict.fromkeys(each.group for each in arrays if each not in times.values()):
         around = [place for place in times if f"{group}/".startswith(f"{place}/")]
         ordered += [times[max(around, key=len)]] if around else []
         ordered += [each for each in arrays if each.group == group and each not in times.values()]

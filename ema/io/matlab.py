@@ -16,6 +16,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, AxisUnit, parse_axis
 from ema.io.columns import (
     Column,
+    are_slow,
     content_of_columns,
     is_time,
     label_of_axis,
@@ -40,7 +41,6 @@ _UNITS = {"units", "unit", "channelunits"}
 # Fields of a struct for each channel: its name, and what its vector is called if not that.
 _NAME = {"name", "signalname", "channelname", "label", "channel"}
 _VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
-_FEWEST_SAMPLES = 16  # of a channel beside others that are four times as long
 _OF_SPECTRA = {"df", "deltaf", "fstart", "freqstep", "frequencystep"}
 _SETTINGS = re.compile("header|info|settings|setup|param|acquisition|meta", re.IGNORECASE)
 _LAYOUTS = (
@@ -66,6 +66,11 @@ class _Signals:
     def texts(self) -> dict[str, str]:
         """Its texts by plain name."""
         return {plain_name(k): v.strip() for k, v in self.fields.items() if isinstance(v, str)}
+
+    @property
+    def unit(self) -> str:
+        """The unit that it states, empty without one."""
+        return next((text for key, text in self.texts.items() if key in _UNITS), "")
 
     @property
     def starts(self) -> dict[str, Any]:
@@ -259,7 +264,7 @@ def _sorted(variables: Mapping[str, Any]) -> _Variables:
                 _sort_struct(place, fields, found)
         else:
             found.left_out[name] = value.why if isinstance(value, LeftOut) else _KINDS[type(value)]
-    _leave_out_short(found)
+    _leave_out_slow(found)
     return found
 
 
@@ -362,13 +367,20 @@ def _spectral(found: _Variables) -> set[str]:
     return {name for name in found.left_out if plain_name(name) in _OF_SPECTRA}
 
 
-def _leave_out_short(found: _Variables) -> None:
-    """Leave out vectors of a few values beside channels."""
-    longest = max(map(len, found.vectors.values()), default=0)
-    for name, samples in list(found.vectors.items()):
-        if len(samples) < min(_FEWEST_SAMPLES, longest // 4):
-            found.left_out[name] = f"{len(samples)} values"
-            del found.vectors[name]
+def _leave_out_slow(found: _Variables) -> None:
+    """Leave out slow channels and a few values beside a recording, with the rates of their own."""
+    series = {each.place: each for each in found.of_structs}
+    lengths = {name: len(samples) for name, samples in found.vectors.items()}
+    lengths |= {place: max(map(len, each.signals.values())) for place, each in series.items()}
+    of_vectors = found.units if isinstance(found.units, dict) else {}
+    units = [series[name].unit if name in series else str(of_vectors.get(name)) for name in lengths]
+    for name, is_slow in zip(lengths, are_slow([*lengths.values()], units), strict=True):
+        if is_slow:
+            found.left_out[name] = f"{lengths[name]} values beside {max(lengths.values())}"
+            found.vectors.pop(name, None)
+    found.of_structs = [each for each in found.of_structs if each.place not in found.left_out]
+    slow = tuple(f"{place}/" for place in series if place in found.left_out)
+    found.rates = {name: rate for name, rate in found.rates.items() if not name.startswith(slow)}
 
 
 def _bare(name: str, samples: NDArray[Any]) -> Column:
@@ -387,7 +399,7 @@ def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]
         columns += [_axis(name, samples) for name, samples in each.axes.items()]
         start_s = 0.0 if same_start else stated_start_s(path, each.starts)
         is_one, texts = len(each.signals) == 1, each.texts
-        unit = next((texts[key] for key in texts if key in _UNITS), "") if is_one else ""
+        unit = each.unit if is_one else ""
         for name, samples in each.signals.items():
             own = each.place if is_one and plain_name(name) in _VALUES else name
             stated = [texts[key] for key in texts if is_one and key in _NAME and texts[key]]

@@ -65,7 +65,7 @@ _ROW_OF_STARTS = re.compile(
 )
 _ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
 _ROW_OF_UNITS = re.compile(
-    r"(?:y[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
+    r"(?:(?:y|vertical)[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
 )
 _LONGEST = 200
 

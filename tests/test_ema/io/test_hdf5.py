@@ -464,3 +464,25 @@ def test_each_group_has_its_own_time(tmp_path, late_s, names):
     first = [each.samples[0] for each in found.channels]
     assert (found.sampling_rate_hz, first) == (RATE_HZ, [NOISE[n_late, 0], NOISE[0, 0]])
     assert found.n_samples == N - n_late
+
+
+def test_slow_groups_beside_a_recording_are_left_out(tmp_path):
+    def write(file):
+        for place, every in (("fast", 1), ("slow", 10)):
+            file.create_group(place).attrs["fs"] = RATE_HZ / every
+        file["time"] = np.arange(N) / RATE_HZ  # of no channel: each group states its rate
+        add(file["fast"], "force", NOISE[:, 0], "N")
+        add(file["fast"], "A01", NOISE[:, 1], "g")
+        add(file["slow"], "temperature", NOISE[::10, 0])
+
+    found = read_file(written(tmp_path, write))
+    assert (found.recording.names, found.recording.sampling_rate_hz) == (("A01", "force"), RATE_HZ)
+    assert [each.channel for each in found.findings] == ["/slow/temperature"]
+
+    def write_force(file):
+        write(file)
+        del file["slow/temperature"]
+        add(file["slow"], "force2", NOISE[::10, 0], "N")
+
+    with pytest.raises(RecordingFormatError, match="sampled together"):
+        read_file(written(tmp_path, write_force))

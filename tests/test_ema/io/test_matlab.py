@@ -439,9 +439,17 @@ def test_frfs_in_structs_share_their_frequencies(tmp_path):
     np.testing.assert_array_equal(found.frf.values, [values, 2 * values])
 
 
-def test_a_few_values_beside_channels_are_left_out(tmp_path):
-    variables = {**SINGLY, "fs": RATE_HZ, "window": np.array([1.0, 2.0])}
-    scipy.io.savemat(tmp_path / "a.mat", variables)
+@pytest.mark.parametrize(
+    "slow",
+    [
+        {"window": np.array([1.0, 2.0])},
+        {"Data1_T": np.arange(5.0), "Data1_time_T": np.arange(5.0)},
+        {"temperature": {"fs": 200.0, "data": np.arange(5.0), "unit": "°C"}},
+    ],
+    ids=lambda each: next(iter(each)),
+)
+def test_slow_channels_and_a_few_values_are_left_out(tmp_path, slow):
+    scipy.io.savemat(tmp_path / "a.mat", {**SINGLY, "fs": RATE_HZ, **slow})
     found = read_file(tmp_path / "a.mat")
-    assert found.recording.names == tuple(SINGLY)
-    assert [each.channel for each in found.findings] == ["window"]
+    assert (found.recording.names, found.recording.sampling_rate_hz) == (tuple(SINGLY), RATE_HZ)
+    assert [each.channel for each in found.findings] == list(slow)
