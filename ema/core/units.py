@@ -141,6 +141,8 @@ def unit_in_name(name: str, *, guess: bool = False) -> str:
     unit = parse_unit(text)
     if unit is None or unit.quantity == UNKNOWN:
         return ""
+    if re.search(r"(?:^|[\s_.,/:-])[0-9]+$", match["stem"]):
+        return text if guess else ""  # perhaps of that number: the sensor at 120 mm
     word = _QUANTITY_IN_NAME[unit.quantity]
     said = re.search(rf"(?:^|[^a-z])(?:{word})(?:[^a-z]|$)", match["stem"].lower())
     return text if guess or said or "/" in text or _normalise(text) in _CLEAR_UNITS else ""

@@ -59,10 +59,11 @@ _PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 5
 _SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
 # Rows above a table with a value for each column, as LabVIEW writes them.
 _ROW_OF_STARTS = re.compile(
-    r"[xt]_?0|wf_start_offset|start[\s_-]*(?:time|value|offset)|(?:time|zeit)?[\s_-]*offset|"
-    r"startzeit|abscissa[\s_-]*min\w*|(?:time|uhrzeit)",
+    r"[xt]_?0|wf_start_offset|start[\s_-]*(?:time|value|offset)|(?:time|zeit)[\s_-]*offset|"
+    r"startzeit|abscissa[\s_-]*min\w*",
     re.IGNORECASE,
 )
+_ROW_OF_CLOCKS = re.compile("time|uhrzeit", re.IGNORECASE)
 _ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
 _ROW_OF_UNITS = re.compile(
     r"(?:(?:y|vertical)[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
@@ -338,7 +339,7 @@ def _row_above(
         cells = ["", *values] if is_key_above_time else values
         if len(cells) <= width:
             return line, [*cells, *missing][:width]
-        if form is not _ROW_OF_UNITS:
+        if form in (_ROW_OF_STARTS, _ROW_OF_STEPS):
             found = f"{len(values)} values of {key!r} above {width} columns"
             rule = "a row of starts or steps must have a value for each channel"
             raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
@@ -350,9 +351,12 @@ def _starts_above(
 ) -> tuple[float, ...]:
     """Starts of the columns by a row such as ``X0,0,0.03125``; empty where they are the same."""
     line, values = _row_above(where, lines, _ROW_OF_STARTS, table, labels)
+    if line is None:
+        line, values = _row_above(where, lines, _ROW_OF_CLOCKS, table, labels)
+        values = values if any(":" in each for each in values) else []
     first = next((each for each in values if each), "")
     values = [each or first for each in values]
-    if line is None or len(set(values)) == 1:
+    if line is None or len(set(values)) < 2:
         return ()
     try:
         return tuple(starts_of(values, table.dialect.decimal))

@@ -281,6 +281,7 @@ def test_a_campaign_from_a_european_table(tmp_path):
         *(("a01_mm/s²", "mm/s²"), ("ForceN", "N"), ("Kraft_kN", "kN"), ("vel_mm_s", "mm/s")),
         *(("load_mV", "mV"), ("hammer_lbf", "lbf")),
         *(("sensor_A", ""), ("node_g", ""), ("acc_N", ""), ("acc_V", ""), ("A01", "")),
+        *(("beam 120 mm", ""), ("A_5_kN", ""), ("A01_mm", "mm")),
     ],
 )
 def test_units_at_the_end_of_names(tmp_path, name, unit):
@@ -292,7 +293,7 @@ def test_units_at_the_end_of_names(tmp_path, name, unit):
 _ROWS_ABOVE = [
     "X0,0.0,0.03125,\nDelta_X,0.001953125,0.001953125,\nY_Unit_Label,N,g\n,force,A01\n,",
     "Unit,N,g\nX0,0.0,0.03125\nDelta_X,0.001953125,0.001953125\nforce,A01\n",
-    "Time,10:00:00.0,10:00:00.03125\nUnits:,N,g\nfs = 512\nforce,A01\n",
+    "Offset,0.1,0.2\nTime,10:00:00.0,10:00:00.03125\nUnits:,N,g\nfs = 512\nforce,A01\n",
 ]
 
 
@@ -313,6 +314,7 @@ def test_rows_above_a_table_state_starts_steps_and_units(tmp_path, head):
         ("X0,0,0.002", "1.02.* samples; channels must start together"),
         ("X0,0,0,0.5", "line 1: 3 values of 'X0' above 2 columns"),
         ("Start time,morning,noon", "line 1: .*starts of channels must be"),
+        ("Time,10:00:00,10:00:00.0013", "0.6656 samples"),
         ("Delta_X,0.001,0.002", "steps 0.001, 0.002 in line 1"),
     ],
 )
