@@ -90,21 +90,23 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     begin, end = dataset.payload
     where = place(path, dataset.index)
     widths, per_value = _widths(header), header.numbers_per_value
-    blocks = []
+    wanted = header.n_values * per_value
+    numbers, n = np.empty(min(wanted, end - begin)), 0  # each takes more than a byte
+    n_surplus, is_padded = 0, True  # the last line, with zeros
     with path.open("rb") as file:
         file.seek(begin)
         while file.tell() < end:
             text = file.read(min(_CHUNK_BYTES, end - file.tell()))
             text += file.readline(min(_LONGEST_LINE, end - file.tell()))
-            blocks.append(_convert(text, widths, where))
-    numbers = blocks[0] if len(blocks) == 1 else np.concatenate([np.empty(0), *blocks])
-    wanted = header.n_values * per_value
-    surplus = len(numbers) - wanted
-    if 0 < surplus < len(widths) and not numbers[wanted:].any():
-        return numbers[:wanted]  # programs that fill the last line with zeros
-    if surplus:
-        rule = "the file is truncated" if surplus < 0 else "there are more than stated"
-        raise damaged(where, f"{len(numbers) // per_value} of {header.n_values} values", rule)
+            block = _convert(text, widths, where)
+            fits = min(len(block), len(numbers) - n)
+            numbers[n : n + fits] = block[:fits]
+            n, n_surplus = n + fits, n_surplus + len(block) - fits
+            is_padded = is_padded and not block[fits:].any()
+    if n < wanted or n_surplus >= len(widths) or not is_padded:
+        rule = "the file is truncated" if n < wanted else "there are more than stated"
+        found = f"{(n + n_surplus) // per_value} of {header.n_values} values"
+        raise damaged(where, found, rule)
     return numbers
 
 
