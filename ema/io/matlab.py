@@ -41,7 +41,9 @@ _UNITS = {"units", "unit", "channelunits"}
 # Fields of a struct for each channel: its name, and what its vector is called if not that.
 _NAME = {"name", "signalname", "channelname", "label", "channel"}
 _VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
+# Single numbers that only spectra have, and those that scale integers in no known convention.
 _OF_SPECTRA = {"df", "deltaf", "fstart", "freqstep", "frequencystep"}
+_SCALES = {"scale", "scalefactor", "factor", "gain", "sensitivity", "calibration", "offset"}
 _SETTINGS = re.compile("header|info|settings|setup|param|acquisition|meta", re.IGNORECASE)
 _LAYOUTS = (
     "a file must contain a vector for each channel, or one matrix and the channel names, plus "
@@ -285,15 +287,15 @@ def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables) -> No
     nested = [_structs(f"{place}.{name}", value) for name, value in fields.items()]
     for name, inner in (item for each in nested for item in each.items()):
         _sort_struct(name, inner, found)
-    odd = {f"{place}.{name}": "not a vector" for name in arrays if name not in vectors}
-    found.left_out |= odd
-    if signals or _SETTINGS.search(place):
-        rates = {f"{place}/{k}": v for k, v in fields.items() if states_rate(k)}
-        found.rates |= {each: rate for each, rate in rates.items() if not isinstance(rate, LeftOut)}
+    odd = [name for name in arrays if name not in vectors]
+    found.left_out |= {f"{place}.{name}": "not a vector" for name in odd}
+    rates = {f"{place}/{name}": value for name, value in fields.items() if states_rate(name)}
+    rates = rates if signals or _SETTINGS.search(place) else {}
+    found.rates |= {each: rate for each, rate in rates.items() if not isinstance(rate, LeftOut)}
     if signals:
         found.of_structs.append(_Signals(place, fields, axes, signals))
         found.treatment |= _flat({k: v for k, v in fields.items() if states_treatment(k, v)})
-    elif not odd and not any(nested):
+    elif not (odd or rates or any(nested)):
         found.left_out[place] = "a struct"
 
 
@@ -328,15 +330,14 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     ]
     others = [name for name in found.vectors if name not in times]
     are_frfs = any(has_frequency([_bare(name, found.vectors[name])]) for name in times)
-    if (len(found.matrices) > 1 and not are_frfs) or (
-        found.matrices and (others or found.of_structs)
-    ):
+    beside = [*others, *(each.place for each in found.of_structs)]
+    if (len(found.matrices) > 1 and not are_frfs) or (found.matrices and beside):
         what = f"matrices {', '.join(found.matrices)}"
-        beside = [*others, *(each.place for each in found.of_structs)]
         what += f" and vectors {', '.join(beside)}" if beside else ""
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
-    if _spectral(found) and not (found.rates or times):
-        what = f"{', '.join(sorted(_spectral(found)))} and neither a rate nor frequencies"
+    spectral = ", ".join(sorted(n for n in found.left_out if plain_name(n) in _OF_SPECTRA))
+    if spectral and not (found.rates or times):
+        what = f"{spectral} and neither a rate nor frequencies"
         rule = "FRFs need the vector of their frequencies, and time series fs, dt or t"
         raise RecordingFormatError(path.name, what, rule, "Save it beside them")
     if not (found.matrices or others or found.of_structs):
@@ -360,11 +361,6 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
     unit_of = dict(zip(others, units, strict=True))
     columns += [Column(name, unit_of[name], found.vectors[name]) for name in _paired(others)]
     return columns + _columns_of_structs(path, found.of_structs)
-
-
-def _spectral(found: _Variables) -> set[str]:
-    """Single numbers that only spectra have."""
-    return {name for name in found.left_out if plain_name(name) in _OF_SPECTRA}
 
 
 def _leave_out_slow(found: _Variables) -> None:
@@ -399,6 +395,10 @@ def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]
         columns += [_axis(name, samples) for name, samples in each.axes.items()]
         start_s = 0.0 if same_start else stated_start_s(path, each.starts)
         is_one, texts = len(each.signals) == 1, each.texts
+        scales = [name for name in each.fields if plain_name(name) in _SCALES]
+        if scales and any(samples.dtype.kind in "iu" for samples in each.signals.values()):
+            where, rule = f"{path.name}, {each.place}", "integers must be in the unit they state"
+            raise RecordingFormatError(where, f"{scales[0]} of integers", rule, "Save them scaled")
         unit = each.unit if is_one else ""
         for name, samples in each.signals.items():
             own = each.place if is_one and plain_name(name) in _VALUES else name

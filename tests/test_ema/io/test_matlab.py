@@ -174,6 +174,7 @@ def test_a_matrix_without_names(tmp_path):
     assert np.isnan(recording.sampling_rate_hz)
 
 
+COUNTS = np.arange(N, dtype="i2") % 7
 AMBIGUOUS = {
     "two matrices": ({"a": NOISE, "b": NOISE}, "matrices a, b"),
     "matrix and vector": ({"a": NOISE, "b": TIME_S + 1}, "matrices a and vectors b"),
@@ -191,6 +192,7 @@ AMBIGUOUS = {
     "complex": ({"H": NOISE + 1j}, "(complex numbers); FRFs need their frequencies"),
     "logical": ({"on": NOISE > 0}, "on (logical values)"),
     "spectra": ({"H": NOISE, "df": 0.5}, "df and neither a rate nor frequencies"),
+    "integers": ({"a": {"y": COUNTS, "gain": 0.5}, "b": {"y": COUNTS}}, "gain of integers"),
     "struct array": ({"run": [{"a": 1.0}, {"a": 2.0}]}, "no vectors"),
 }
 
