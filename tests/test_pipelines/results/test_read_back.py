@@ -11,6 +11,8 @@ from scipy.io import loadmat
 from sdynpy_reader import read_by_sdynpy
 
 import ema
+from ema.core.references import References
+from ema.io.uff.write import write_frfs
 from pipelines.export.modal import export
 from pipelines.report.write import save
 from pipelines.results.store import load
@@ -68,6 +70,31 @@ def test_universal_files_by_sdynpy(result, folder, tmp_path):
     shapes = np.reshape(held["shapes"][0], (len(written.export.modes), -1, 3))
     moves = np.abs(shapes).sum(axis=0) > 0
     np.testing.assert_array_equal(moves, np.eye(3)[result.frf.axis - 1] > 0)
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_two_references_in_different_directions(result, folder, tmp_path, binary):
+    first = result.frf
+    second = replace(first, values=-2 * first.values, force_node=3, force_axis=Z)
+    path = tmp_path / "frf.uff"
+    write_frfs(path, References((first, second)), binary=binary)
+    sets = [each for each in pyuff.UFF(str(path)).read_sets() if each["type"] == 58]
+    ends = [(each["ref_node"], each["ref_dir"]) for each in sets]
+    assert ends == [(7, Y)] * first.n_positions + [(3, Z)] * first.n_positions
+    assert [each["rsp_dir"] for each in sets] == 2 * first.axis.tolist()
+    both = np.concatenate([first.values, second.values])
+    np.testing.assert_allclose([each["data"] for each in sets], both, rtol=1e-12)
+    ours = ema.read_campaign(path).frf
+    assert [(each.force_node, each.force_axis) for each in ours] == [(7, Y), (3, Z)]
+    np.testing.assert_allclose(np.concatenate([each.values for each in ours]), both, rtol=1e-12)
+    shapes = export(folder, tmp_path / "modes.uff", frfs="none").path.read_bytes()
+    (tmp_path / "all.uff").write_bytes(shapes + path.read_bytes())
+    held = read_by_sdynpy(tmp_path / "all.uff")
+    there = np.reshape(held["frf_global"], (-1, 2, 3))
+    np.testing.assert_allclose(there[:, 0], np.eye(3)[np.tile(first.axis, 2) - 1])
+    np.testing.assert_allclose(there[:, 1], np.repeat(np.eye(3)[[Y - 1, Z - 1]], 10, axis=0))
+    real, imag = map(np.array, held["frfs"])
+    np.testing.assert_allclose(real + 1j * imag, both, rtol=1e-10)
 
 
 def test_tables_by_pandas(result, folder):
