@@ -262,8 +262,8 @@ def _sorted(variables: Mapping[str, Any]) -> _Variables:
         elif isinstance(value, np.ndarray) and value.size != 1:
             _sort_array(name, value, found)
         elif structs := _structs(name, value):
-            for place, fields in structs.items():
-                _sort_struct(place, fields, found)
+            for place in structs:
+                _sort_struct(place, structs[place], found, {})
         else:
             found.left_out[name] = value.why if isinstance(value, LeftOut) else _KINDS[type(value)]
     _leave_out_slow(found)
@@ -274,19 +274,21 @@ def _structs(name: str, value: Any) -> dict[str, Mapping[str, Any]]:
     """A struct, or those of an array or of cells, by name."""
     if isinstance(value, dict):
         return {name: value}
-    is_array = isinstance(value, list) and value and all(isinstance(each, dict) for each in value)
-    return {f"{name}({n})": each for n, each in enumerate(value, 1)} if is_array else {}
+    structs = value if isinstance(value, list) and all(isinstance(v, dict) for v in value) else []
+    return {f"{name}({n})": each for n, each in enumerate(structs, 1)}
 
 
-def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables) -> None:
-    """Channels of a struct and of those in it; a struct of settings may state the rate."""
+def _sort_struct(
+    place: str, fields: Mapping[str, Any], found: _Variables, above: dict[str, NDArray[Any]]
+) -> None:
+    """Channels of a struct and of those in it, for which its axes hold too; rates of settings."""
     arrays = {k: v for k, v in fields.items() if isinstance(v, np.ndarray) and v.size > 1}
     vectors = {k: v.reshape(-1, order="F") for k, v in arrays.items() if v.size in v.shape}
-    axes = {k: v for k, v in vectors.items() if is_time(k, "") or are_lines(_bare(k, v))}
+    axes = {k: v for k, v in vectors.items() if is_time(k, "") or are_lines(_bare(k, v))} or above
     signals = {name: each for name, each in vectors.items() if name not in axes}
     nested = [_structs(f"{place}.{name}", value) for name, value in fields.items()]
     for name, inner in (item for each in nested for item in each.items()):
-        _sort_struct(name, inner, found)
+        _sort_struct(name, inner, found, axes)
     odd = [name for name in arrays if name not in vectors]
     found.left_out |= {f"{place}.{name}": "not a vector" for name in odd}
     rates = {f"{place}/{name}": value for name, value in fields.items() if states_rate(name)}

@@ -396,6 +396,23 @@ STRUCTS = {
             {"name": "A01", "unit": "g", "y": SENSOR},
         ],
     },
+    "nested with a time": {
+        "run": {
+            "time": TIME_S,
+            "force": {"unit": "N", "values": FORCE},
+            "A01": {"unit": "g", "values": SENSOR},
+        }
+    },
+    "nested in channels with a time": {
+        "run": {
+            "note": "x",
+            "channels": {
+                "time": TIME_S,
+                "force": {"unit": "N", "values": FORCE},
+                "A01": {"unit": "g", "values": SENSOR},
+            },
+        }
+    },
     "nested": {
         "run": {
             "fs": RATE_HZ,
