@@ -278,9 +278,7 @@ def _structs(name: str, value: Any) -> dict[str, Mapping[str, Any]]:
     return {f"{name}({n})": each for n, each in enumerate(structs, 1)}
 
 
-def _sort_struct(
-    place: str, fields: Mapping[str, Any], found: _Variables, above: dict[str, NDArray[Any]]
-) -> None:
+def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables, above: Any) -> None:
     """Channels of a struct and of those in it, for which its axes hold too; rates of settings."""
     arrays = {k: v for k, v in fields.items() if isinstance(v, np.ndarray) and v.size > 1}
     vectors = {k: v.reshape(-1, order="F") for k, v in arrays.items() if v.size in v.shape}
