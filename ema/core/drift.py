@@ -32,6 +32,7 @@ class Drift(ReadonlyArrays):
     middle_hz: float = 100.0
     applied: bool = True  # whether it is more than chance: each run was fitted in its own state
     chance: float = float("nan")  # probability of shifts as large from noise alone
+    number: tuple[int, ...] = ()  # place of each run in the campaign; else one after the other
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -64,13 +65,18 @@ class Drift(ReadonlyArrays):
     def unsteadiness(self, frequency_hz: float) -> tuple[float, float]:
         """Standard deviation of a run's state from the slow change of all, both relative.
 
-        Of a frequency and of the damping ratios, from second differences (von Neumann 1941): what
-        goes up and down from run to run is an error of the states; 0 with fewer than four runs.
+        Of a frequency and of the damping ratios, from how far each run is from a line through its
+        neighbours (von Neumann 1941): what goes up and down from run to run is an error of the
+        states; 0 with fewer than four runs.
         """
         if not self.applied or len(self.run) < _FEWEST_RUNS:
             return 0.0, 0.0
-        changes = np.diff([self.at(frequency_hz), self.damping_percent], n=2, axis=1)
-        away = np.sqrt(np.mean(changes**2, axis=1) / 6) / 100
+        states = np.array([self.at(frequency_hz), self.damping_percent])
+        steps = np.diff(self.number or range(len(self.run)))
+        later = steps[:-1] / (steps[:-1] + steps[1:])  # weight of the next run
+        beside = (1 - later) * states[:, :-2] + later * states[:, 2:]
+        variance = (states[:, 1:-1] - beside) ** 2 / (1 + (1 - later) ** 2 + later**2)
+        away = np.sqrt(np.mean(variance, axis=1)) / 100
         return float(away[0]), float(away[1])
 
     @property
@@ -104,6 +110,7 @@ def of_runs(drift: Drift, run: tuple[str, ...]) -> Drift:
     return replace(
         drift,
         run=run,
+        number=tuple(drift.number[k] for k in rows) if drift.number else tuple(rows),
         percent=left(drift.percent),
         std_percent=drift.std_percent[rows],
         slope_percent=left(drift.slope_percent),

@@ -98,6 +98,8 @@ class FRF(ReadonlyArrays):
     exponential_window : ExponentialWindow or None
         Window that the analyser applied to the responses; its damping is part of the values.
     estimator : {"H1", "H2", "Hv"}
+    all_runs : tuple of str
+        Runs of the campaign in their order, where some have no row here.
 
     Examples
     --------
@@ -142,6 +144,7 @@ class FRF(ReadonlyArrays):
     forces: Mapping[str, ForceRecord] = field(default_factory=dict)
     exponential_window: ExponentialWindow | None = None
     estimator: str = "H1"
+    all_runs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         try:
@@ -230,9 +233,17 @@ class FRF(ReadonlyArrays):
     @property
     def run_names(self) -> tuple[str, ...]:
         """Runs with a row here, in the order of the campaign where it is known, else by name."""
-        here = set(self.run)
-        order = dict.fromkeys(self.reference.run if self.reference is not None else ())
-        return tuple(name for name in dict.fromkeys([*order, *sorted(here)]) if name in here)
+        return tuple(name for name in self._in_order if name in self.run)
+
+    @property
+    def run_numbers(self) -> tuple[int, ...]:
+        """Place of each of `run_names` in the campaign: runs are missing where some were left out."""
+        return tuple(self._in_order.index(name) for name in self.run_names)
+
+    @property
+    def _in_order(self) -> tuple[str, ...]:
+        order = self.all_runs or (self.reference.run if self.reference is not None else ())
+        return tuple(dict.fromkeys([*order, *sorted(set(self.run))]))
 
     @property
     def exact_forces(self) -> Mapping[str, ForceRecord]:
@@ -256,7 +267,7 @@ class FRF(ReadonlyArrays):
         run, channel = (
             tuple(np.asarray(names, dtype=object)[chosen]) for names in (self.run, self.channel)
         )
-        return replace(self, run=run, channel=channel, **arrays)
+        return replace(self, run=run, channel=channel, all_runs=self._in_order, **arrays)
 
     def coherent_band_hz(self, good: float = CHECKS.good_coherence) -> tuple[float, float]:
         """Widest band in which the median coherence stays good; all lines where it is unknown."""

@@ -96,8 +96,8 @@ class _JointSearch:
         curve, search = copy(self.curves[force]), self.searches[force]
         if search.fit.lines.n_runs < 2 or not self.joint:
             return curve
-        orders, given = self._of_force(force), (curve.frf.run_names, curve.settings.drift_p_value)
-        curve.drift = drift_beside_pairs(search, orders, *given)
+        limit = curve.settings.drift_p_value
+        curve.drift = drift_beside_pairs(search, self._of_force(force), limit)
         curve.fit = in_states(search.fit, curve.drift.states if curve.drift.applied else NO_SHIFT)
         return curve
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from ema.core.drift import NO_DRIFT, Drift
+from ema.core.frf import FRF
 from ema.core.modes import synthesise
 from ema.fitting.covariance import parameter_covariance
 from ema.fitting.mode_pairs import PairSearch, RingOrder
@@ -41,9 +42,7 @@ _VARIES, _LEAST_VARIES = np.array([3e-3, 3e-3, 3e-3, 3e-2]), 1e-7
 _TOLD_BY = {1: [0, 3], 2: [0, 3], 3: [0, 1, 3]}
 
 
-def drift_in_one_step(
-    fit: PoleFit, run: tuple[str, ...], correlation: float, p_value: float
-) -> Drift:
+def drift_in_one_step(fit: PoleFit, frf: FRF, correlation: float, p_value: float) -> Drift:
     """Drift of the runs, one Gauss–Newton step away from a common state, tested against chance.
 
     Of single poles: where pairs are known, `drift_beside_pairs` has the last word.
@@ -54,10 +53,14 @@ def drift_in_one_step(
     step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
     chance = float(chdtrc(step.size, size))
-    drift = replace(
-        NO_DRIFT, run=run, middle_hz=fit.lines.middle_hz, applied=chance < p_value, chance=chance
-    )
-    return with_states(drift, step, covariance)
+    return with_states(_tested(frf, fit, chance, p_value), step, covariance)
+
+
+def _tested(frf: FRF, fit: PoleFit, chance: float, p_value: float) -> Drift:
+    """A drift that is applied where it is less probable by chance; its states are yet unknown."""
+    runs = {"run": frf.run_names, "number": frf.run_numbers}
+    told = {"middle_hz": fit.lines.middle_hz, "applied": chance < p_value, "chance": chance}
+    return replace(NO_DRIFT, **runs, **told)
 
 
 def with_states(drift: Drift, step: NDArray[np.floating], covariance: Real) -> Drift:
@@ -78,9 +81,7 @@ def with_states(drift: Drift, step: NDArray[np.floating], covariance: Real) -> D
     )
 
 
-def drift_beside_pairs(
-    search: PairSearch, orders: Sequence[RingOrder], run: tuple[str, ...], p_value: float
-) -> Drift:
+def drift_beside_pairs(search: PairSearch, orders: Sequence[RingOrder], p_value: float) -> Drift:
     """States of all runs with the pairs of orders in place, tested against chance."""
     shifts = _shifts_of(search, orders)
     spread = shifts.spread()
@@ -88,13 +89,7 @@ def drift_beside_pairs(
     states, covariance = shifts.states(spread)
     n_runs = len(states)
     relative = np.kron(np.eye(n_runs)[1:] - np.eye(n_runs)[0], np.eye(N_DRIFT))
-    drift = replace(
-        NO_DRIFT,
-        run=run,
-        middle_hz=search.fit.lines.middle_hz,
-        applied=chance < p_value,
-        chance=chance,
-    )
+    drift = _tested(search.frf, search.fit, chance, p_value)
     return with_states(drift, relative @ states.ravel(), relative @ covariance @ relative.T)
 
 

@@ -158,7 +158,7 @@ class CurveFit:
         if self.lines.n_runs < 2 or not (known or self.circle):
             return
         limit = self.settings.drift_p_value
-        self.drift = drift_in_one_step(self.fit, self.frf.run_names, self.correlation, limit)
+        self.drift = drift_in_one_step(self.fit, self.frf, self.correlation, limit)
         if self.drift.applied:
             given = self.settings, self._shifts, self.start_poles, self.fit.pairs
             self.fit = fit_bounded(self.lines, self.fit.poles, *given)
@@ -265,8 +265,8 @@ class CurveFit:
         orders = [each for each in self.ring if each.is_main and each.pair is not None]
         if self.lines.n_runs < 2 or not orders:
             return False
-        given = self.frf.run_names, self.settings.drift_p_value
-        before, self.drift = self.drift, drift_beside_pairs(search, orders, *given)
+        limit = self.settings.drift_p_value
+        before, self.drift = self.drift, drift_beside_pairs(search, orders, limit)
         if self.drift.is_as(before):
             self.drift = self.drift.at_states_of(before)
             return False
@@ -380,10 +380,11 @@ class CurveFit:
         other.frf = with_own_factor(frf)
         other.lines = lines_to_fit(other.frf, self.band_hz)
         other.circle = on_circle(frf.position_deg)
-        poles, drift = self.fit.poles, self.fit.drift
+        poles, drift, ring = self.fit.poles, self.fit.drift, self.ring
         if len(drift) > 1:
             rows = [self.frf.run_names.index(name) for name in frf.run_names]
             first = drift[rows[0]]
+            ring = self._ring_in(first)
             poles, drift = self.lines.drifted(poles, first), drift[rows] - first
             other.centre = self.lines.drifted(self.centre, first)
             other.drift = of_runs(self.drift, frf.run_names)
@@ -396,9 +397,20 @@ class CurveFit:
             else:
                 lines = replace(lines, values=lines.values - known)
         other.fit = other.at_mean(other._fit_near(lines, poles, drift))
-        ring = self.ring if other.circle else ()
+        ring = ring if other.circle else ()
         other.ring = other.pair_search().orders_near(ring) if ring else ()
         return other
+
+    def _ring_in(self, state: Real) -> tuple[RingOrder, ...]:
+        """Orders with their pairs in another state of the tyre."""
+        ring = list[RingOrder]()
+        for order in self.ring:
+            pair = order.pair
+            if pair is not None:
+                shift, decay = self.lines.drift_factors(np.array([pair.mean]), state)
+                pair = pair.moved(1 / float(shift[0]), 1 / float(decay[0]))
+            ring.append(replace(order, pair=pair))
+        return tuple(ring)
 
     def _fit_near(self, lines: Lines, poles: NDArray[np.complex128], drift: Real) -> PoleFit:
         """Fit lines from poles and states that are nearly right."""

@@ -34,6 +34,8 @@ _TOO_CLOSE = 1e-10
 # A model order that shows every strong mode of a run and few others.
 _ORDER = 30
 _NEAR = 0.01
+# Runs differ by no more than this, and poles that they share agree within so many half-widths.
+_MOST_DRIFT, _ALIKE = 0.03, 0.2
 # A shift is undone where it is this many times larger than its own scatter over the modes.
 _CLEAR = 3.0
 
@@ -290,7 +292,8 @@ def _shift(
     if not (first.size and other.size):
         return nothing
     ratio = np.abs(other)[None, :] / np.abs(first)[:, None] - 1
-    distance = np.abs(other[None, :] - first[:, None]) / np.abs(first)[:, None]
+    moved = other / (1 + _common_shift(first, ratio))
+    distance = np.abs(moved[None, :] - first[:, None]) / np.abs(first)[:, None]
     mutual = distance.argmin(axis=0)[distance.argmin(axis=1)] == np.arange(first.size)
     pairs = np.flatnonzero(mutual & (distance.min(axis=1) < _NEAR))
     if pairs.size < 3:
@@ -305,6 +308,17 @@ def _shift(
         if abs(fitted[-1]) > _CLEAR * scatter[-1]:
             return np.asarray(np.append(fitted, np.zeros(2 - columns)))
     return nothing
+
+
+def _common_shift(first: NDArray[np.complex128], ratio: NDArray[np.float64]) -> float:
+    """The shift at which most poles of a run lie on those of the first one.
+
+    The nearest pole may be the other member of a pair, where a drift is half its split or more.
+    """
+    shifts = np.append(0.0, ratio[np.abs(ratio) < _MOST_DRIFT])
+    width = _ALIKE * -first.real / np.abs(first)
+    away = np.min(np.abs(ratio - shifts[:, None, None]), axis=2) / width
+    return float(shifts[np.argmax(np.sum(1 / (1 + away**2), axis=1))])
 
 
 def _robust_line(

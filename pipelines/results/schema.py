@@ -76,6 +76,7 @@ class StoredDrift:
     middle_hz: float
     applied: bool
     chance: float
+    number: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -230,7 +231,8 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
     of_mass = found.sensor_mass.drift if found.sensor_mass else None
     for drift in [found.drift, *([of_mass] if of_mass else [])]:
-        lengths = [len(each) for each in vars(drift).values() if isinstance(each, tuple)]
+        each_run = {**vars(drift), "number": drift.number or drift.run}
+        lengths = [len(each) for each in each_run.values() if isinstance(each, tuple)]
         yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
         yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
     if (held := found.sensor_mass) is not None and held.own_kg:

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.checks.quality import check_reference, drift_findings
-from ema.core.drift import NO_DRIFT, Drift
+from ema.core.drift import NO_DRIFT, Drift, of_runs
 from ema.core.finding import Verdict
 from ema.identify import identify_modes
-from ema.poles.estimators import align_runs, stretched
+from ema.poles.estimators import _shift, align_runs, stretched
 from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (20.0, 260.0)
@@ -172,3 +172,25 @@ def test_states_that_scatter_show_their_standard_deviation():
     frequency, damping = scattered.unsteadiness(100.0)
     assert frequency == pytest.approx(1e-3, rel=0.1)
     assert damping == pytest.approx(1e-2, rel=0.1)
+
+
+def test_a_steady_change_is_steady_where_a_run_was_left_out():
+    run_by_run = drift_of(np.linspace(0, 0.5, 6), np.linspace(0, -3, 6))
+    without = of_runs(run_by_run, tuple(name for name in run_by_run.run if name != "run_3"))
+    assert without.unsteadiness(150.0) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+
+def test_runs_are_counted_by_their_place_in_the_campaign():
+    frf = systems.campaign_frf(TYRE, 26, seed=1)
+    names = frf.run_names
+    left = frf.rows(np.array([run != names[2] for run in frf.run]))
+    assert left.run_numbers == tuple(k for k in range(len(names)) if k != 2)
+
+
+@pytest.mark.parametrize("percent", [0.0, 0.6, 1.5])
+def test_members_of_pairs_are_not_taken_for_each_other_in_another_run(percent):
+    hz, ratio = np.array([80.0, 100.0, 120.0, 145.0, 170.0]), 0.02
+    first = 2 * np.pi * np.concatenate([hz, 1.01 * hz]) * (-ratio + 1j)
+    middle = 2 * np.pi * 100.0
+    moved = _shift(first, first * (1 + percent / 100), middle)
+    np.testing.assert_allclose(moved, [percent / 100, 0.0], atol=1e-6)
