@@ -42,7 +42,7 @@ from ema.core.references import References
 from ema.core.settings import IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import Wish, pole_named, wishes
 from ema.fitting.edited_fit import EditedFit, edited
-from ema.fitting.joint_modes import joint_modes
+from ema.fitting.joint_modes import JointModes, joint_modes
 from ema.fitting.joint_orders import across_forces, joint_curves
 from ema.fitting.search import curve_fit
 from ema.poles.estimators import NO_FRF, widened_band
@@ -96,7 +96,7 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
     together = References(tuple(each.frf for each in bases))
     try:
         diagram = bases[0].asked.diagram(together)
-        rows, findings = joint_modes([each.fit.curve for each in bases], diagram)
+        joint, rows, findings = joint_modes(together, [each.fit.curve for each in bases], diagram)
     except (FitError, InputError):
         return tuple(bases)
     return tuple(
@@ -106,7 +106,7 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
             fit=EditedFit(each.fit.curve, one),
             state=each.state.told(findings),
             by_itself=each,
-            together=together,
+            joint=joint,
         )
         for each, one in zip(bases, rows, strict=True)
     )
@@ -243,10 +243,8 @@ class Basis:
         With edits.
     crossed : FRF or None
         What the cross-check looked at, where that was not `frf`.
-    by_itself : Basis or None
-        What this force shows alone, where `fit` is that of several.
-    together : References or None
-        What was fitted of all forces, where that was not each by itself.
+    by_itself, joint : Basis, JointModes or None
+        What this force shows alone, where `fit` is that of several; off a circle the fit of all.
     """
 
     asked: Asked
@@ -261,7 +259,7 @@ class Basis:
     shown: EditedFit | None = None
     crossed: FRF | None = None
     by_itself: Basis | None = None
-    together: References | None = None
+    joint: JointModes | None = None
 
     def is_of(self, edits: Sequence[Edit]) -> bool:
         """Whether the automatic identification is the same with these edits."""
@@ -307,7 +305,8 @@ class Basis:
     def diagram_of(self, method: str | None) -> StabilityDiagram:
         """Stability diagram of the asked method or another one."""
         same = method in (None, self.asked.method)
-        return self.diagram if same else self.asked.diagram(self.frf, method)
+        every = self.frf if self.joint is None else self.joint.frfs
+        return self.diagram if same else self.asked.diagram(every, method)
 
 
 def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCheck) -> Basis:

@@ -249,8 +249,9 @@ def identified_jointly(
     """
     asked, fits = bases[0].asked, [basis.fit for basis in bases]
     if acts_on_poles(edits):
-        rules = {"of_ring": bases[0].by_itself is not None, "refits": bases[0].together is None}
-        fits = edited_jointly(fits, edits, bases[0].diagram_of, live=live, **rules)
+        first, of_ring = bases[0], bases[0].by_itself is not None
+        how = {"live": live, "of_ring": of_ring}
+        fits = edited_jointly(fits, edits, first.diagram_of, joint=first.joint, **how)
     found = tuple(
         _of_basis(replace(basis, shown=fit), edits) for basis, fit in zip(bases, fits, strict=True)
     )
@@ -260,9 +261,9 @@ def identified_jointly(
     # Another estimator sees one mode for each pair of a ring.
     known = asked.band_hz, OTHER[asked.method], asked.max_order, asked.settings
     opinions: tuple[Opinion, ...] = ()
-    if (together := bases[0].together) is not None:
+    if (joint := bases[0].joint) is not None:
         models = [each.model for each in found]
-        opinions = second_opinion(together, models[0].modes, *known, models=models)
+        opinions = second_opinion(joint.frfs, models[0].modes, *known, models=models)
     models, doubts = with_modal_masses(
         [each.model for each in found],
         [each.frf for each in found],

@@ -237,7 +237,7 @@ class FRF(ReadonlyArrays):
 
     @property
     def run_numbers(self) -> tuple[int, ...]:
-        """Place of each of `run_names` in the campaign: runs are missing where some were left out."""
+        """Place of each of `run_names` in the campaign, of which runs may have been left out."""
         return tuple(self._in_order.index(name) for name in self.run_names)
 
     @property

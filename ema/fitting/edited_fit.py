@@ -24,6 +24,7 @@ from ema.fitting.curve_fit import (
     verified,
     wishes,
 )
+from ema.fitting.joint_modes import JointModes
 from ema.fitting.joint_orders import joint_curves
 from ema.fitting.listing import Choice, Key, Row, Settled, listed
 from ema.fitting.mode_pairs import RingOrder
@@ -151,7 +152,7 @@ def edited_jointly(
     *,
     live: bool = False,
     of_ring: bool = True,
-    refits: bool = True,
+    joint: JointModes | None = None,
 ) -> list[EditedFit]:
     """Fits against each of several forces with the edits of poles, which name modes of the first.
 
@@ -166,35 +167,33 @@ def edited_jointly(
         As for `edited`; the diagram is that of the first force.
     of_ring : bool
         Whether pairs are found from all forces.
-    refits : bool
-        Whether poles can be fitted again: off a circle those of all forces are fitted at once.
+    joint : JointModes, optional
+        The fit of all forces at once, off a circle; it has nothing left for a second stage.
 
     Raises
     ------
     InputError
-        For an edit that fits poles again where they cannot be.
+        For an edit that locks a pole or gives it an order where all forces are fitted at once.
     """
     main, found = _begun(before[0], edits, diagrams)
     alike = [main, *(_begun(each, edits)[0] for each in before[1:])]
-    if not refits and (found.is_anew or found.two):
-        rule = "off a circle the poles of several forces are fitted at once, from the diagram"
-        remedy = "Set modes aside or keep them, leave channels out, or change band or model order"
-        raise InputError("edits", "a pole to be fitted again", rule, remedy)
     meant = [found, *(found.against(_twins(main, each)) for each in alike[1:])]
     curves, after = [each.curve for each in alike], alike
-    if found.refits:
+    if joint is not None:
+        after = _at_once(joint, alike, found) if found.is_anew else alike
+    elif found.refits:
         curves = [_gone_on(curve, own) for curve, own in zip(curves, meant, strict=True)]
-    if found.is_anew and not live:
+    if found.is_anew and not live and joint is None:
         curves = [
             _judged_anew(curve, each.curve.ring, edits, own)
             for curve, each, own in zip(curves, alike, meant, strict=True)
         ]
-    if found.is_anew or found.two:
+    if joint is None and (found.is_anew or found.two):
         two = {order.order for order in main.curve.ring if order.key in found.two}
         curves = joint_curves(curves, two)[0] if of_ring else curves
         curves = [_without_partners(curve, edits) for curve in curves]
         after = [_with_orders(*each) for each in zip(curves, meant, alike, strict=True)]
-    is_preview = found.is_anew and live
+    is_preview = found.is_anew and live and joint is None
     first = _listing(after[0], edits, found, is_preview=is_preview)
     done = [first]
     for each, old in zip(after[1:], alike[1:], strict=True):
@@ -205,6 +204,15 @@ def edited_jointly(
             twins |= {(_n_poles(main) + k, 0): twin} if twin in rows else {}
         done.append(replace(each, choice=first.choice.against(twins), is_preview=is_preview))
     return done
+
+
+def _at_once(joint: JointModes, before: Sequence[EditedFit], found: _Found) -> list[EditedFit]:
+    """Fits of all forces off a circle, with further poles or from other starts."""
+    if found.locked or found.orders:
+        rule = "off a circle, poles of several forces cannot be locked and have no order"
+        raise InputError("edits", "lock or order_is", rule, "Leave it out")
+    rows = joint.going_on(found.added, found.starts)
+    return [replace(each, known=own) for each, own in zip(before, rows, strict=True)]
 
 
 def _twins(one: EditedFit, other: EditedFit) -> dict[Key, Key]:
@@ -266,7 +274,9 @@ def _listing(
 
 
 def _n_poles(fit: EditedFit) -> int:
-    return fit.curve.fit.poles.size - N_STAND_INS
+    """Poles of the fit that rows stand for: of several forces off a circle those of all."""
+    shown = fit.curve if fit.settled.ring else fit.settled
+    return shown.fit.poles.size - N_STAND_INS
 
 
 def _again(curve: CurveFit, ring: Sequence[RingOrder]) -> EditedFit:
@@ -355,13 +365,12 @@ def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:
     if near is not None and is_same(near.mode.pole, pole):
         found.keep(near.key, wish)
         return
-    order = _order_holding(before.curve, pole)
+    order = _order_holding(before.curve, pole) if before.settled.ring else None
     if order is not None:
         found.two.add(order.key)
         found.keep((order.key, _nearest_member(order, pole)), wish, picked=True)
         return
-    n_before = before.curve.fit.poles.size - N_STAND_INS
-    key = n_before + len(found.added), 0
+    key = _n_poles(before) + len(found.added), 0
     if any(is_same(other, pole) for other in found.added):
         raise wish.refused("another edit leads to the same pole", (pole,), "Leave one of them out")
     found.added.append(pole)

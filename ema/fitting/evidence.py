@@ -17,6 +17,7 @@ from scipy.special import chdtri, ndtri, stdtrit
 from ema.core.mac import mpc
 from ema.core.modes import Flag, Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
+from ema.fitting.joint_poles import JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 
@@ -293,3 +294,28 @@ def _own_poles(fit: PoleFit, correlation: float) -> _OwnPoles:
         known = np.diagonal(inverse, axis1=1, axis2=2) * correlation * left[:, None]
         variance[at] = (known[:, 0::2] + known[:, 1::2]) / 2 / np.abs(residues[at]) ** 2
     return _OwnPoles(change, variance, residues)
+
+
+def no_clear_peaks(point: JointPoint) -> list[tuple[Flag, ...]]:
+    """Modes that do not stand out, each with the combination of forces that drives it best.
+
+    Beside it are all others but those that share its resonance.
+    """
+    driven, omega = point.driven, point.problem.forces[0].lines.omega
+    parts = np.stack([point.shapes.real, point.shapes.imag], axis=2)
+    waves = [
+        driven.functions(omega, r)[0].reshape(driven.poles.size, 2, -1)
+        for r in range(len(point.problem.forces))
+    ]
+    flags = list[tuple[Flag, ...]]()
+    for k, line in enumerate(np.argmin(np.abs(driven.poles.imag[:, None] - omega), axis=1)):
+        at = np.stack([each[:, :, line] for each in waves], axis=2)
+        own = parts[:, k] @ at[k]
+        beside = np.stack([f.lines.values[:, line] for f in point.problem.forces], axis=1)
+        for other in np.flatnonzero(driven.shared[k]):
+            beside = beside - parts[:, other] @ at[other]
+        size, drive = np.linalg.norm(own), np.linalg.svd(own)[2][0]
+        rest = np.linalg.svd(beside, full_matrices=False)
+        best = np.linalg.norm((rest[2] @ drive.conj()) / np.maximum(rest[1], 1e-12 * size))
+        flags.append(() if size * best > _STANDS_OUT else (Flag.NO_CLEAR_PEAK,))
+    return flags

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,13 @@ from scipy.linalg import block_diag
 
 from ema.core.errors import FitError
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.modes import Flag, Mode
+from ema.core.modes import Mode
 from ema.core.numerics import one_blas_thread
 from ema.core.references import References, driving_point
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import JointSpread, parameter_covariance, spread_of
 from ema.fitting.curve_fit import final_drift
+from ema.fitting.evidence import no_clear_peaks
 from ema.fitting.fit_steps import is_undetermined, modes_of
 from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce, each_once
 from ema.fitting.listing import Row, Settled
@@ -34,8 +36,6 @@ _TOGETHER = 1.0
 _BESIDE = 4.0
 # Share of the lines that is left out at one end, to see what the ends of the band do.
 _TRIM = 0.06
-# A mode, or all that share its resonance, stands out if it adds this many times the rest there.
-_STANDS_OUT = 2.0
 # Modes no farther apart than this many of their standard deviations are stated with one pole.
 _NOT_APART = 2.0
 # … and so are those that coincide within this many half-widths, however little the noise.
@@ -46,12 +46,16 @@ _FEW = 6
 
 @one_blas_thread
 def joint_modes(
-    curves: Sequence[CurveFit], diagram: StabilityDiagram
-) -> tuple[list[Settled], list[Finding]]:
+    frfs: References, curves: Sequence[CurveFit], diagram: StabilityDiagram
+) -> tuple[JointModes, list[Settled], list[Finding]]:
     """Modes that all forces show together, as each force shows them, and what changed between.
+
+    The first one goes on from there with other poles.
 
     Parameters
     ----------
+    frfs : References
+        What the diagram was built of.
     curves : sequence of CurveFit
         Fits against each force by itself, whose lines are without leakage.
     diagram : StabilityDiagram
@@ -64,16 +68,17 @@ def joint_modes(
     InputError
         If the forces have no position in common.
     """
-    joint = _Joint(curves)
-    point = joint.with_planes(joint.fitted(diagram))
-    return joint.settled(point), joint.findings(point)
+    joint = JointModes(frfs, curves, diagram)
+    return joint, joint.settled(joint.point), joint.findings(joint.point)
 
 
-class _Joint:
+class JointModes:
     """The FRFs of all forces on common lines, and the fits to them."""
 
-    def __init__(self, curves: Sequence[CurveFit]) -> None:
-        self.curves, first = tuple(curves), curves[0]
+    def __init__(
+        self, frfs: References, curves: Sequence[CurveFit], diagram: StabilityDiagram
+    ) -> None:
+        self.frfs, self.curves, self.diagram, first = frfs, tuple(curves), diagram, curves[0]
         self.settings, self.correlation = first.settings, first.correlation
         self.band_hz = first.band_hz
         low = max(curve.fit.lines.frequency_hz[0] for curve in curves)
@@ -102,11 +107,24 @@ class _Joint:
             np.exp(np.mean(np.log(scales / level[:, None]), axis=0)),
         )
         self.notes = list[str]()
+        self.point = self._with_planes(self._fitted())
 
-    def fitted(self, diagram: StabilityDiagram) -> JointPoint:
+    @one_blas_thread
+    def going_on(self, added: Sequence[complex], starts: Mapping[int, complex]) -> list[Settled]:
+        """Rows of a fit from these poles, of which some start elsewhere, and further ones."""
+        other, driven = copy(self), self.point.driven
+        other.notes = list(self.notes)
+        poles, nearest = np.append(driven.poles, added), np.array(added, dtype=complex)[:, None]
+        nearest = np.argmin(np.abs(self.diagram.poles - nearest), axis=1)
+        for pole, start in starts.items():
+            poles[pole] = start
+        drive = np.concatenate([driven.participation, self.diagram.participation[nearest]])
+        point = self._fit(self.problem, Driven(poles, drive, driven.states))
+        return other.settled(other._with_planes(point))
+
+    def _fitted(self) -> JointPoint:
         """The fit, after poles that are no modes were dropped."""
-        start = self._start(diagram)
-        point = self._fit(self.problem, start)
+        point = self._fit(self.problem, self._start(self.diagram))
         for _ in range(_MOST_DROPS):
             if (once := each_once(point)) is not None:
                 point = self._fit(self.problem, once)
@@ -193,7 +211,7 @@ class _Joint:
         largest = np.max(np.where(known, shifts, 0.0), axis=0)
         return np.asarray(np.where(known.any(axis=0), largest, np.nan))
 
-    def with_planes(self, point: JointPoint) -> JointPoint:
+    def _with_planes(self, point: JointPoint) -> JointPoint:
         """The fit with one pole, and real shapes, for modes no farther apart than their ±.
 
         The plane of both shapes is determined then, and no shape in it before another.
@@ -262,9 +280,8 @@ class _Joint:
         std = np.sqrt(std**2 + more)
         where = np.ravel([(2 * k, 2 * k + 1) for k in order])
         covariance = (spread.covariance + np.diag(more.ravel()))[np.ix_(where, where)]
-        doubts, flags = self._doubts(point, std, shifts), self._flags(point)
-        unknown = np.zeros((2 * N_STAND_INS, 2 * N_STAND_INS))
-        found = []
+        doubts, flags = self._doubts(point, std, shifts), no_clear_peaks(point)
+        unknown, found = np.zeros((2 * N_STAND_INS, 2 * N_STAND_INS)), list[Settled]()
         for r, curve in enumerate(self.curves):
             fit, residues_std = self._pole_fit(point, spread, r)
             modes = [
@@ -374,30 +391,6 @@ class _Joint:
                 doubts.append("")
         listed = any(not doubt for doubt, own in zip(doubts, inside, strict=True) if own)
         return doubts if listed else [""] * len(doubts)
-
-    def _flags(self, point: JointPoint) -> list[tuple[Flag, ...]]:
-        """Modes that do not stand out, each with the combination of forces that drives it best.
-
-        Beside it are all others but those that share its resonance.
-        """
-        driven, omega = point.driven, self.problem.forces[0].lines.omega
-        parts = np.stack([point.shapes.real, point.shapes.imag], axis=2)
-        waves = [
-            driven.functions(omega, r)[0].reshape(driven.poles.size, 2, -1)
-            for r in range(len(self.problem.forces))
-        ]
-        flags = list[tuple[Flag, ...]]()
-        for k, line in enumerate(np.argmin(np.abs(driven.poles.imag[:, None] - omega), axis=1)):
-            at = np.stack([each[:, :, line] for each in waves], axis=2)
-            own = parts[:, k] @ at[k]
-            beside = np.stack([f.lines.values[:, line] for f in self.problem.forces], axis=1)
-            for other in np.flatnonzero(driven.shared[k]):
-                beside = beside - parts[:, other] @ at[other]
-            size, drive = np.linalg.norm(own), np.linalg.svd(own)[2][0]
-            rest = np.linalg.svd(beside, full_matrices=False)
-            best = np.linalg.norm((rest[2] @ drive.conj()) / np.maximum(rest[1], 1e-12 * size))
-            flags.append(() if size * best > _STANDS_OUT else (Flag.NO_CLEAR_PEAK,))
-        return flags
 
     def findings(self, point: JointPoint) -> list[Finding]:
         """What the structure's state has changed from force to force."""

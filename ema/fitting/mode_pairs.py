@@ -40,7 +40,7 @@ _MIXED = 3.0
 _SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
 # at most so many, until poles move by less than this share of their standard deviation.
-_ROUNDS, _SETTLED = 5, 0.2
+_ROUNDS, _SETTLED = 15, 0.2
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,9 +58,8 @@ def drift_in_one_step(fit: PoleFit, frf: FRF, correlation: float, p_value: float
 
 def _tested(frf: FRF, fit: PoleFit, chance: float, p_value: float) -> Drift:
     """A drift that is applied where it is less probable by chance; its states are yet unknown."""
-    runs = {"run": frf.run_names, "number": frf.run_numbers}
-    told = {"middle_hz": fit.lines.middle_hz, "applied": chance < p_value, "chance": chance}
-    return replace(NO_DRIFT, **runs, **told)
+    known = replace(NO_DRIFT, run=frf.run_names, number=frf.run_numbers, chance=chance)
+    return replace(known, middle_hz=fit.lines.middle_hz, applied=chance < p_value)
 
 
 def with_states(drift: Drift, step: NDArray[np.floating], covariance: Real) -> Drift:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from ema.core.display import number, signed
-from ema.core.edits import OF_POLES, ChannelName, Edit, EditKind, PoleName
+from ema.core.edits import OF_CHANNELS, OF_POLES, ChannelName, Edit, EditKind, PoleName
 from ema.core.errors import InputError
 from ema.refit import EditCost
 from pipelines.cli import options as opt
@@ -61,6 +61,10 @@ def refit(
     flip: Annotated[list[str] | None, _of_channels("Change the sign of these FRFs.")] = None,
     run_out: Annotated[
         list[str] | None, opt.option("Leave all FRFs of these runs out.", DECISIONS, "RUN,…")
+    ] = None,
+    reference: Annotated[
+        int | None,
+        opt.option("Force whose FRFs are meant, from 1. Default: all forces.", DECISIONS, "N", min=1),
     ] = None,
     by: Annotated[
         str, opt.option("Who decides. Default: your login name.", DECISIONS, "NAME")
@@ -110,7 +114,7 @@ def refit(
         with shown(quiet=quiet) as progress:
             result = refittable(result_folder, accept_changes=accept_changes)
             record = Record(result.edits) if edits is None else read_edits(edits)
-            added = _made(asked, by, reason)
+            added = _made(asked, reference, by, reason)
             # Of a record that was added to, the outcome is another one.
             record = (
                 replace(record, edits=(*record.edits, *added), selection=()) if added else record
@@ -134,24 +138,31 @@ def _words(texts: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(part.strip() for part in parts if part.strip())
 
 
-def _made(asked: dict[EditKind, tuple[Any, ...]], by: str, reason: str) -> tuple[Edit, ...]:
+def _made(
+    asked: dict[EditKind, tuple[Any, ...]], reference: int | None, by: str, reason: str
+) -> tuple[Edit, ...]:
     """Edits of the command line, all of this moment."""
+    if reference is not None and not any(asked[kind] for kind in OF_CHANNELS & asked.keys()):
+        rule, remedy = "it says of which force channels are meant", "Give --channel-out, --flip …"
+        raise InputError("--reference", "no channel", rule, remedy)
     if not any(asked.values()):
         return ()
     at = datetime.now(UTC).isoformat(timespec="seconds")
     who: dict[str, Any] = {"by": by or login_name("--by"), "at": at, "reason": reason}
     return tuple(
-        Edit(kind, **_named(kind, name), **who) for kind, names in asked.items() for name in names
+        Edit(kind, **_named(kind, name, reference), **who)
+        for kind, names in asked.items()
+        for name in names
     )
 
 
-def _named(kind: EditKind, name: Any) -> dict[str, Any]:
+def _named(kind: EditKind, name: Any, reference: int | None) -> dict[str, Any]:
     if kind in OF_POLES:
         return {"pole": PoleName(name)}
     if kind is EditKind.RUN_OUT:
         return {"run": name}
     channel, _, run = name.rpartition("@") if "@" in name else (name, "", "")
-    return {"channel": ChannelName(channel, run or None)}
+    return {"channel": ChannelName(channel, run or None, reference)}
 
 
 def _beside(folder: Path) -> Path:

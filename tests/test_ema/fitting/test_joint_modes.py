@@ -7,8 +7,12 @@ import pytest
 from scipy.linalg import subspace_angles
 
 import ringmodal as rm
+from ema.core.edits import Edit, EditKind, PoleName
+from ema.core.errors import InputError
 from ema.core.finding import Check
+from ema.core.modes import Chosen
 from ema.core.references import References
+from ema.refit import refit_modes
 
 LINES_HZ = np.arange(1, 601) / 8
 BAND_HZ = (5.0, 62.0)
@@ -146,3 +150,44 @@ def test_a_mode_that_a_moved_shaker_shifts_is_one_mode():
     assert len(found.model.modes) == len(hz)
     for mode, k in zip(found.model.modes, np.argsort(hz), strict=True):
         assert rm.mac(mode.shape, shapes[k])[0, 0] > 0.99
+
+
+@pytest.fixture(scope="module")
+def long_plate():
+    hz, shapes = plate(0.1)
+    frfs = frfs_of(hz, shapes, (8, 13), noise=1e-2)
+    return frfs, rm.identify_modes(frfs, BAND_HZ)
+
+
+def poles_of(found):
+    return [[mode.pole for mode in each.model.modes] for each in found.references]
+
+
+def test_a_pole_that_is_picked_is_fitted_to_all_forces(long_plate):
+    frfs, found = long_plate
+    diagram, known_hz = found.diagram, found.model.frequencies_hz
+    away = np.min(np.abs(diagram.frequency_hz[:, None] / known_hz - 1), axis=1)
+    inside = (diagram.frequency_hz > BAND_HZ[0]) & (diagram.frequency_hz < BAND_HZ[1])
+    row = int(np.argmax(np.where(inside, away, 0.0)))
+    assert away[row] > 0.02
+    place = float(diagram.frequency_hz[row]), float(diagram.damping_ratio[row])
+    pick = Edit(EditKind.PICK, PoleName(*place, model_order=int(diagram.model_order[row])))
+    again = refit_modes(found, [pick])
+    for each, before in zip(again.references, found.references, strict=True):
+        chosen = [mode.chosen for mode in each.model.modes]
+        assert chosen.count(Chosen.PICKED) == 1 and len(chosen) == len(known_hz) + 1
+        rest = [mode for mode in each.model.modes if mode.chosen is not Chosen.PICKED]
+        for mode, old in zip(rest, before.model.modes, strict=True):
+            assert abs(mode.frequency_hz - old.frequency_hz) < old.frequency_std_hz
+    assert poles_of(again) == poles_of(rm.identify_modes(frfs, BAND_HZ, edits=[pick]))
+    assert poles_of(refit_modes(again, [])) == poles_of(found)
+
+
+def test_another_start_leads_all_forces_to_the_same_modes(long_plate):
+    _, found = long_plate
+    mode = found.model.modes[1]
+    start = Edit(EditKind.START, PoleName(1.002 * mode.frequency_hz, mode.damping_ratio))
+    for new, old in zip(refit_modes(found, [start]).model.modes, found.model.modes, strict=True):
+        assert abs(new.frequency_hz - old.frequency_hz) < 0.01 * old.frequency_std_hz
+    with pytest.raises(InputError):
+        refit_modes(found, [replace(start, kind=EditKind.LOCK)])
