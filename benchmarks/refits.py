@@ -2,11 +2,13 @@
 
     python benchmarks/refits.py --seconds 20 --before ../ringmodal_0.1.0
     python benchmarks/refits.py --processes
+    python benchmarks/refits.py --splits 20
 
 The first prints one row of a Markdown table for each campaign and edit: CPU time of both stages
 over that of `fit_modes`, of this version or of another one whose sources lie in `--before`, and the
 largest difference of the preview in standard deviations; then what is true of all. The second times
-whole processes on six runs of 14 channels.
+whole processes on six runs of 14 channels. The third sets every mode aside alone, and pins the
+whole list, in that many campaigns of each split.
 """
 
 from __future__ import annotations
@@ -176,6 +178,53 @@ def _row(found: Identification, edit: Edit, whole: float, earlier: float) -> dic
     }
 
 
+SPLITS_PERCENT = 0.2, 0.5, 1.0, 2.0
+SAME_STD = 1e-6  # a pinned list gives the same modes within so many standard deviations
+
+
+def of_splits(n_seeds: int, seconds: float) -> None:
+    """Print how many decisions on modes of split tyres did what they say."""
+    print("| split, % | modes | set aside | others stay | partner relabelled | lists pinned |")
+    print("|---|---|---|---|---|---|")
+    for percent in SPLITS_PERCENT:
+        counts = np.zeros(6, dtype=int)
+        for seed in range(n_seeds):
+            with tempfile.TemporaryDirectory() as folder:
+                how = {"duration_s": seconds, "split_percent": percent, "seed": seed}
+                path = simulate_campaign(Path(folder) / "campaign", **how)
+                found = ema.identify_modes(ema.estimate_frf(ema.read_campaign(path)), BAND_HZ)
+            counts += _decided(found)
+        modes, aside, stay, partners, relabelled, pinned = counts
+        print(
+            f"| {percent:g} | {modes} | {aside} | {stay} | {relabelled} of {partners} "
+            f"| {pinned} of {2 * n_seeds} |",
+            flush=True,
+        )
+
+
+def _decided(found: Identification) -> list[int]:
+    """Modes; those set aside, and with all others as they were; partners, relabelled; lists."""
+    modes = found.model.modes
+    aside = stay = partners = relabelled = 0
+    for k, mode in enumerate(modes):
+        name = PoleName(mode.frequency_hz, mode.damping_ratio)
+        left = refit_modes(found, [Edit(EditKind.SET_ASIDE, name)]).model.modes
+        rest = [*modes[:k], *modes[k + 1 :]]
+        aside += mode.pole not in [other.pole for other in left]
+        stay += [other.pole for other in left] == [other.pole for other in rest]
+        if mode.member:
+            partners += 1
+            relabelled += [o.member for o in left if o.order == mode.order and o.is_ring_mode] == [
+                ""
+            ]
+    named = [PoleName(mode.frequency_hz, mode.damping_ratio) for mode in modes]
+    by_hz = [PoleName(mode.frequency_hz) for mode in modes]
+    only = Edit(EditKind.ONLY_KEPT)
+    lists = [[*(Edit(EditKind.KEEP, each) for each in names), only] for names in (named, by_hz)]
+    pinned = sum(away(refit_modes(found, edits), found) < SAME_STD for edits in lists)
+    return [len(modes), aside, stay, partners, relabelled, pinned]
+
+
 TARGET = 0.6  # CPU of a refit over that of `process`
 PROGRAM = [sys.executable, "-m", "pipelines.cli.main"]
 REFITS = {
@@ -229,9 +278,12 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, help="duration of a run")
     parser.add_argument("--before", type=Path, help="sources of an earlier version")
     parser.add_argument("--processes", action="store_true", help="time whole processes")
+    parser.add_argument("--splits", type=int, metavar="SEEDS", help="decisions on split tyres")
     parser.add_argument("--repeat", type=int, default=3, help="with --processes")
     options = parser.parse_args()
-    if options.processes:
+    if options.splits:
+        of_splits(options.splits, options.seconds or 10.0)
+    elif options.processes:
         as_processes(options.seconds or STRETCH_S, options.repeat)
     else:
         in_process(options.seconds or 20.0, options.before)

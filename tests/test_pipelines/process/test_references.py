@@ -36,7 +36,8 @@ def result():
         values, std = exact + noise[0] + 1j * noise[1], np.full(exact.shape, 1e-3)
         nodes = np.arange(angles.size)
         frf = FRF.from_arrays(LINES_HZ, values, angles_deg=angles, nodes=nodes, std=std)
-        frfs.append(replace(frf, excitation_deg=force_deg))
+        names = tuple(f"A{node + 1}" for node in nodes)
+        frfs.append(replace(frf, excitation_deg=force_deg, channel=names))
     campaign = Campaign(
         name="two forces",
         frf=References(tuple(frfs)),
@@ -79,6 +80,19 @@ def test_a_result_of_several_forces_is_read_back_and_refitted(result, tmp_path):
     assert [mode.pole for mode in again.modal_model.modes] == rest
     assert {each.reference for each in again.references} == {1, 2}
     assert [mode.pole for mode in rm.refit(again, []).modal_model.modes][:-1] == rest
+
+
+def test_an_frf_is_left_out_against_one_of_the_forces(result, tmp_path, ringmodal):
+    rm.save(result, tmp_path / "result", report=False)
+    command = "refit", tmp_path / "result", "--reference", "2", "--no-report"
+    code, _, error = ringmodal(*command, "--channel-out", "A4", "--out", tmp_path / "without")
+    assert code == 0, error
+    edited = rm.load(tmp_path / "without")
+    assert [edit.channel.reference for edit in edited.edits] == [2]
+    left_out = [each for each in edited.findings if each.check is Check.BY_HAND]
+    assert [each.channel for each in left_out] == ["A4"]
+    code, _, _ = ringmodal(*command, "--set-aside", "79.3")  # a mode is one of all forces
+    assert code == 2
 
 
 def test_forces_of_a_result_are_read_back_from_its_universal_file(result, tmp_path):
