@@ -25,7 +25,7 @@ from ema.core.frf import FRF
 from ema.core.modes import synthesise
 from ema.fitting.covariance import parameter_covariance
 from ema.fitting.mode_pairs import PairSearch, RingOrder
-from ema.fitting.pole_fit import N_DRIFT, PoleFit, evaluate
+from ema.fitting.pole_fit import N_DRIFT, Lines, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 
 # Relative change of poles that gives their slopes.
@@ -94,13 +94,27 @@ def drift_beside_pairs(search: PairSearch, orders: Sequence[RingOrder], p_value:
 
 def in_states(fit: PoleFit, drift: Real) -> PoleFit:
     """The fit with other states of its runs, its poles as they are in the middle of them."""
-    lines, counts = fit.lines, np.bincount(fit.lines.run)
-    own, other = (
-        np.average(each, axis=0, weights=counts if len(each) > 1 else None)
-        for each in (fit.drift, drift)
-    )
-    again = evaluate(lines, lines.drifted(fit.poles, own - other), drift)
+    away = middle_of(fit.lines, fit.drift) - middle_of(fit.lines, drift)
+    again = evaluate(fit.lines, fit.lines.drifted(fit.poles, away), drift)
     return replace(again, at_bound=fit.at_bound, pairs=fit.pairs, locked=fit.locked)
+
+
+def middle_of(lines: Lines, drift: Real) -> Real:
+    """State in the middle of those of all positions."""
+    counts = np.bincount(lines.run) if len(drift) > 1 else None
+    return np.asarray(np.average(drift, axis=0, weights=counts))
+
+
+def ring_in(ring: Sequence[RingOrder], lines: Lines, state: Real) -> tuple[RingOrder, ...]:
+    """Orders with their pairs in another state of the tyre."""
+    moved = list[RingOrder]()
+    for order in ring:
+        pair = order.pair
+        if pair is not None:
+            shift, decay = lines.drift_factors(np.array([pair.mean]), state)
+            pair = pair.moved(1 / float(shift[0]), 1 / float(decay[0]))
+        moved.append(replace(order, pair=pair))
+    return tuple(moved)
 
 
 @dataclass(frozen=True, eq=False)

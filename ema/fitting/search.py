@@ -47,7 +47,13 @@ from ema.fitting.pole_fit import (
     starting_poles,
     with_stand_ins,
 )
-from ema.fitting.run_states import drift_beside_pairs, drift_in_one_step, in_states
+from ema.fitting.run_states import (
+    drift_beside_pairs,
+    drift_in_one_step,
+    in_states,
+    middle_of,
+    ring_in,
+)
 from ema.fitting.variable_projection import Real
 from ema.poles.estimators import widened_band
 from ema.poles.tracking import PoleSelection
@@ -384,7 +390,7 @@ class CurveFit:
         if len(drift) > 1:
             rows = [self.frf.run_names.index(name) for name in frf.run_names]
             first = drift[rows[0]]
-            ring = self._ring_in(first)
+            ring = ring_in(ring, self.lines, first)
             poles, drift = self.lines.drifted(poles, first), drift[rows] - first
             other.centre = self.lines.drifted(self.centre, first)
             other.drift = of_runs(self.drift, frf.run_names)
@@ -397,20 +403,13 @@ class CurveFit:
             else:
                 lines = replace(lines, values=lines.values - known)
         other.fit = other.at_mean(other._fit_near(lines, poles, drift))
-        ring = ring if other.circle else ()
-        other.ring = other.pair_search().orders_near(ring) if ring else ()
+        if other.circle and ring:
+            search = other.pair_search()
+            other.ring, states = search.orders_near(ring), other.fit.drift
+            if len(states) > 1 and other._follow_drift_of_pairs(search):
+                ring = ring_in(other.ring, lines, middle_of(lines, states - other.fit.drift))
+                other.ring = other.pair_search().orders_near(ring)
         return other
-
-    def _ring_in(self, state: Real) -> tuple[RingOrder, ...]:
-        """Orders with their pairs in another state of the tyre."""
-        ring = list[RingOrder]()
-        for order in self.ring:
-            pair = order.pair
-            if pair is not None:
-                shift, decay = self.lines.drift_factors(np.array([pair.mean]), state)
-                pair = pair.moved(1 / float(shift[0]), 1 / float(decay[0]))
-            ring.append(replace(order, pair=pair))
-        return tuple(ring)
 
     def _fit_near(self, lines: Lines, poles: NDArray[np.complex128], drift: Real) -> PoleFit:
         """Fit lines from poles and states that are nearly right."""

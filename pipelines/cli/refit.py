@@ -64,7 +64,9 @@ def refit(
     ] = None,
     reference: Annotated[
         int | None,
-        opt.option("Force whose FRFs are meant, from 1. Default: all forces.", DECISIONS, "N", min=1),
+        opt.option(
+            "Force whose FRFs are meant, from 1. Default: all forces.", DECISIONS, "N", min=1
+        ),
     ] = None,
     by: Annotated[
         str, opt.option("Who decides. Default: your login name.", DECISIONS, "NAME")
