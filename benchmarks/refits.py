@@ -20,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -184,20 +184,25 @@ SAME_STD = 1e-6  # a pinned list gives the same modes within so many standard de
 
 def of_splits(n_seeds: int, seconds: float) -> None:
     """Print how many decisions on modes of split tyres did what they say."""
-    print("| split, % | modes | set aside | others stay | partner relabelled | lists pinned |")
-    print("|---|---|---|---|---|---|")
+    print(
+        "| split, % | modes | set aside | others stay | partner relabelled | lists pinned "
+        "| elsewhere the same | refused | another |\n|---|---|---|---|---|---|---|---|---|"
+    )
     for percent in SPLITS_PERCENT:
-        counts = np.zeros(6, dtype=int)
+        counts, elsewhere = np.zeros(6, dtype=int), np.zeros(3, dtype=int)
+        before = list[Mode]()
         for seed in range(n_seeds):
             with tempfile.TemporaryDirectory() as folder:
                 how = {"duration_s": seconds, "split_percent": percent, "seed": seed}
                 path = simulate_campaign(Path(folder) / "campaign", **how)
                 found = ema.identify_modes(ema.estimate_frf(ema.read_campaign(path)), BAND_HZ)
             counts += _decided(found)
+            elsewhere += _elsewhere(before, found)
+            before = list(found.model.modes)
         modes, aside, stay, partners, relabelled, pinned = counts
         print(
             f"| {percent:g} | {modes} | {aside} | {stay} | {relabelled} of {partners} "
-            f"| {pinned} of {2 * n_seeds} |",
+            f"| {pinned} of {2 * n_seeds} | {' | '.join(map(str, elsewhere))} |",
             flush=True,
         )
 
@@ -223,6 +228,22 @@ def _decided(found: Identification) -> list[int]:
     lists = [[*(Edit(EditKind.KEEP, each) for each in names), only] for names in (named, by_hz)]
     pinned = sum(away(refit_modes(found, edits), found) < SAME_STD for edits in lists)
     return [len(modes), aside, stay, partners, relabelled, pinned]
+
+
+def _elsewhere(modes: Sequence[Mode], found: Identification) -> list[int]:
+    """Modes of other recordings set aside here: the same mode, refused, another mode."""
+    counts, listed = [0, 0, 0], found.model.modes
+    for mode in modes:
+        name = PoleName(mode.frequency_hz, mode.damping_ratio)
+        try:
+            left = refit_modes(found, [Edit(EditKind.SET_ASIDE, name)]).model.modes
+        except FitError:
+            counts[1] += 1
+            continue
+        gone = {other.pole for other in listed} - {other.pole for other in left}
+        same = [(m.order, m.member) == (mode.order, mode.member) for m in listed if m.pole in gone]
+        counts[0 if same == [True] else 2] += 1
+    return counts
 
 
 TARGET = 0.6  # CPU of a refit over that of `process`
