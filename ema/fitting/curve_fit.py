@@ -71,8 +71,8 @@ class Wish:
 
     def refused(self, what: str, there: Iterable[complex], remedy: str) -> FitError:
         """The error for an edit that cannot be carried out."""
-        poles = sorted(there, key=lambda pole: _away(self.pole, pole))[:_MOST_SHOWN]
-        near = ", ".join(_said(pole) for pole in sorted(poles, key=abs)) or "none"
+        poles = sorted(there, key=lambda pole: _away(self.pole, pole))
+        near = ", ".join([*dict.fromkeys(map(_said, poles))][:_MOST_SHOWN]) or "none"
         name = self.pole
         ratio = "" if name.damping_ratio is None else f", {100 * name.damping_ratio:.2f} %"
         return FitError(
