@@ -12,6 +12,7 @@ import numpy as np
 from ema.checks.corrections import Correction
 from ema.core.display import DASH, counted, number, signed, value_with_std
 from ema.core.edits import OF_CHANNELS, OF_POLES, Edit, EditKind
+from ema.core.finding import Check, Finding
 from ema.core.modes import Chosen, Mode
 from pipelines.report.page import Block, Listing, Paragraph, Section, Table
 from pipelines.report.summary import listed
@@ -76,7 +77,7 @@ def changed_by_hand(result: Result) -> tuple[Section, ...]:
     blocks.append(_decisions(result))
     if worse := tuple(_worse(result, pairs)):
         blocks.append(Listing(worse, "warning"))
-    blocks += [_beside(pairs), *listed(_meaning(pairs))]
+    blocks += [_beside(pairs), *listed([*_meaning(pairs), *_other_state(result)])]
     return (Section("by-hand", "Changed by hand", tuple(blocks)),)
 
 
@@ -112,6 +113,7 @@ def _decision(edit: Edit) -> str:
         named = f"{pole.frequency_hz:.6g} Hz{at}"
     elif edit.kind in OF_CHANNELS and edit.channel is not None:
         named = " in ".join(filter(None, (edit.channel.channel, edit.channel.run)))
+        named += f" against force {edit.channel.reference}" if edit.channel.reference else ""
     elif edit.kind is EditKind.RUN_OUT:
         named = str(edit.run)
     elif edit.kind is EditKind.SETTINGS:
@@ -134,7 +136,7 @@ def _effect(result: Result, edit: Edit) -> str:
         if edit.kind is EditKind.SET_ASIDE:
             return f"{before} is fitted, but not listed"
         return f"{_named(after)} is listed" if after else "it was overruled"
-    rows = [each for each in result.corrections if each.is_by_hand and _is_meant(each, edit)]
+    rows = [each for each in _by_hand(result) if _is_meant(each, edit)]
     if edit.kind in OF_CHANNELS or edit.kind is EditKind.RUN_OUT:
         places = ", ".join(
             f"{each.position_deg:g}°" for each in rows if each.position_deg is not None
@@ -147,7 +149,14 @@ def _effect(result: Result, edit: Edit) -> str:
     return DASH
 
 
-def _is_meant(row: Correction, edit: Edit) -> bool:
+def _by_hand(result: Result) -> Sequence[Correction | Finding]:
+    """Rows that were decided on; of several forces the findings say which."""
+    if result.further:
+        return [each for each in result.findings if each.check is Check.BY_HAND]
+    return [each for each in result.corrections if each.is_by_hand]
+
+
+def _is_meant(row: Correction | Finding, edit: Edit) -> bool:
     if edit.kind is EditKind.RUN_OUT:
         return row.run == edit.run
     name = edit.channel
@@ -236,6 +245,16 @@ def _cells(pair: _Pair, name: str, std: str, scale: float, digits: int) -> tuple
         return value_with_std(scale * getattr(mode, name), scale * getattr(mode, std), digits)
 
     return cell(pair.before), cell(pair.after), signed(pair.moved(name, std), 2)
+
+
+def _other_state(result: Result) -> Iterator[str]:
+    """Which run the modes are those of, where a campaign drifts and the first one was left out."""
+    drift, measured = result.modal_model.drift, result.measured.run_names
+    if drift.applied and drift.run[0] != measured[0]:
+        yield (
+            f"The frequencies drift: the edited modes are those of {drift.run[0]}, the first run "
+            f"that is left, the automatic ones those of {measured[0]}."
+        )
 
 
 def _meaning(pairs: Sequence[_Pair]) -> list[str]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 from report_page import Page
 from results import tyre_result
 
 from ema.checks.corrections import Correction, DecidedBy
+from ema.core.drift import Drift
 from ema.core.edits import ChannelName, Edit, EditKind, PoleName
-from ema.core.finding import Check
+from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Chosen
 from pipelines.report.by_hand import changed_by_hand
 from pipelines.report.write import render_report
@@ -71,3 +73,25 @@ def test_what_got_worse_is_told_beside_the_automatic_modes():
         *("automatic", "kept", "not listed"),
         *["automatic"] * 4,
     ]
+
+
+def test_a_decision_against_one_force_names_it_and_counts_its_frfs():
+    plain = edited()
+    row = Finding("config_8.uff", "A03", 40.0, Check.BY_HAND, Verdict.EXCLUDED, "left out")
+    out = Edit(EditKind.CHANNEL_OUT, channel=ChannelName("A03", None, 2))
+    further = (plain.measured,)
+    both = replace(plain, edits=(out,), findings=(*plain.findings, row), further=further)
+    table = changed_by_hand(both)[0].blocks[1]
+    assert table.rows[0][1:3] == ("leave out A03 against force 2", "1 FRF at 40°")
+
+
+def test_modes_of_another_run_than_the_first_are_said_to_be_so():
+    plain = edited()
+    measured, model = plain.measured, plain.modal_model
+    first = measured.run_names[0]
+    nothing = np.zeros(2)
+    drift = Drift(("later", "last"), *[nothing] * 6)
+    moved = replace(plain, modal_model=replace(model, drift=drift))
+    blocks = changed_by_hand(moved)[0].blocks
+    told = [item for block in blocks for item in getattr(block, "items", ())]
+    assert any("later" in item and first in item for item in told)
