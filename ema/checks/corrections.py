@@ -29,6 +29,8 @@ _HUM_HZ = (50.0, 60.0)
 _FEWEST_AVERAGED = 3
 # Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
 _FEW_AVERAGES = 6.0
+# An FRF with less than this share of the usual size is rounding of a constant signal.
+_ROUNDING = 1e-9
 
 
 class DecidedBy(StrEnum):
@@ -137,12 +139,14 @@ def corrections_by_hand(
     it is. Factors of one row multiply; of leaving out and bringing back the last one counts.
 
     `InputError` for a channel or run that the FRFs do not have, a run that was averaged with
-    others, and where no row is left.
+    others, a channel to be used that measured nothing, and where no row is left.
     """
     made: dict[int, Correction] = {}
     said: dict[int, list[str]] = {}
     for number, edit in enumerate(edits, start=1):
         for row in rows_named(frf, edit, number) if channel_edits([edit]) else ():
+            if edit.kind is EditKind.CHANNEL_IN:
+                _require_signal(frf, row, number)
             before = made.get(row) or _untouched(frf, row)
             made[row] = _after(before, edit)
             why = f" ({edit.reason})" if edit.reason else ""
@@ -152,6 +156,15 @@ def corrections_by_hand(
         raise InputError("edits", "all rows are left out", "one has to be used", "Bring one back")
     findings = [_finding(frf, made[row], "; ".join(said[row])) for row in rows]
     return tuple(made[row] for row in rows), tuple(findings)
+
+
+def _require_signal(frf: FRF, row: int, number: int) -> None:
+    """Refuse to use a row that is nothing but rounding: it would count as an exact zero."""
+    size = np.max(np.abs(frf.values), axis=1)
+    if not size[row] > _ROUNDING * np.median(size):
+        where, found = f"edit {number}, channel_in", f"{frf.channel[row]} in {frf.run[row]}"
+        rule, remedy = "it measured nothing", "Leave it out, or name the other runs only"
+        raise InputError(where, found, rule, remedy)
 
 
 def rows_named(frf: FRF, edit: Edit, number: int) -> list[int]:

@@ -370,6 +370,14 @@ def test_a_dead_channel_can_be_brought_back(faulty):
     assert Verdict.EXCLUDED not in {each.verdict for each in told}
 
 
+def test_a_channel_that_measured_nothing_is_refused(faulty):
+    """As an exact zero without noise it would outweigh all others."""
+    nothing = systems.edited(faulty, [10], values=0 * faulty.values[10])
+    back = Edit(EditKind.CHANNEL_IN, channel=ChannelName(faulty.channel[10], faulty.run[10]))
+    with pytest.raises(InputError, match="edit 1, channel_in"):
+        identify_modes(nothing, edits=[back])
+
+
 def test_a_channel_flipped_by_hand_stays_flipped_and_the_finding_says_by_whom(faulty):
     place = faulty.channel[30], faulty.run[30]
     flipped = identify_modes(faulty, edits=[Edit(EditKind.FLIP, channel=ChannelName(*place))])
