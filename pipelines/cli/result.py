@@ -16,7 +16,7 @@ from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.export.data import require_excel
+from pipelines.export.data import MEASURED, SYNTHESISED, require_excel
 from pipelines.export.modal import export as write
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
@@ -355,12 +355,9 @@ def export(
         content |= {"cylindrical": cylindrical, "decimal_comma": decimal_comma}
         written = write(result, out, file_format, frfs=frfs, **content)
     found, notes = written.export, written.export.geometry.notes
-    counts = {
-        "modes": len(found.modes),
-        "nodes": found.geometry.node.size,
-        "frfs_measured": 0 if found.measured is None else found.measured.n_positions,
-        "frfs_synthesised": 0 if found.synthesised is None else found.synthesised.n_positions,
-    }
+    counts = {"modes": len(found.modes), "nodes": found.geometry.node.size}
+    for kind in (MEASURED, SYNTHESISED):
+        counts[f"frfs_{kind}"] = sum(f.n_positions for each, _, f in found.frfs if each == kind)
     if as_json:
         about = {"path": str(written.path), "format": written.file_format}
         print_json({**about, **counts, "notes": notes})

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.core.references import driving_point
+from ema.io.uff.reader import SYNTHESISED
 from model.arguments import ReadonlyArrays
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.results import tables
@@ -46,7 +47,8 @@ _PARAMETER = "0.0000E+00"
 class Geometry(ReadonlyArrays):
     """Positions and directions of the nodes."""
 
-    # shape (n_nodes,); node numbers from 1; the rows of the FRFs come first, in their order
+    # shape (n_nodes,); node numbers from 1; the rows of the FRFs come first, in their order, then
+    # the places of forces, and those that only further forces have
     node: NDArray[np.int_]
     # shape (n_nodes,); angles in the x-z plane, from x towards z; NaN without a circle
     position_deg: NDArray[np.float64]
@@ -56,9 +58,15 @@ class Geometry(ReadonlyArrays):
     direction: NDArray[np.float64]
     direction_code: int  # of this direction in a universal file: on a circle 1, the radius
     n_measured: int  # nodes with a sensor; the force has a further node where it acts elsewhere
-    reference_node: int  # node of the force; 0 where unknown
+    reference_nodes: tuple[int, ...]  # node of each force; 0 where unknown
     is_closed: bool  # whether the nodes form a circle
     notes: tuple[str, ...] = ()  # assumptions
+    frfs: tuple[FRF, ...] = ()  # as fitted, of each force, under these node numbers
+
+    @property
+    def reference_node(self) -> int:
+        """Node of the first force; 0 where unknown."""
+        return self.reference_nodes[0]
 
     @property
     def path(self) -> list[int]:
@@ -79,23 +87,50 @@ def node_numbers(frf: FRF) -> NDArray[np.int_]:
 
 def geometry_of(result: Result) -> Geometry:
     """Nodes on the circle of the mean radius, or on a line where there are no angles."""
+    every = result.frf, *(each.fitted for each in result.further)
     if np.isfinite(result.frf.position_deg).all():
-        return _circle(result)
-    return _line(result.frf)
+        return _circle(result, every)
+    return _line(every)
 
 
-def _circle(result: Result) -> Geometry:
-    node, angles = node_numbers(result.frf), np.array(result.frf.position_deg)
-    n_measured, reference = node.size, 0
+class _Nodes:
+    """Numbers of the first force's rows by place; other places get the next ones."""
+
+    def __init__(self, frf: FRF, places: Sequence[Hashable]) -> None:
+        self.numbers: list[int] = node_numbers(frf).tolist()
+        self.of_place: dict[Hashable, int] = dict(zip(places, self.numbers, strict=True))
+        self.added = list[Any]()
+
+    def at(self, place: Hashable) -> int:
+        """Number of a place."""
+        if place not in self.of_place:
+            self.of_place[place] = max(self.numbers) + 1
+            self.numbers.append(self.of_place[place])
+            self.added.append(place)
+        return self.of_place[place]
+
+    def of_rows(self, frf: FRF, places: Sequence[Hashable]) -> FRF:
+        """FRFs under these numbers."""
+        return replace(frf, node=np.array([self.at(place) for place in places]))
+
+
+def _circle(result: Result, every: Sequence[FRF]) -> Geometry:
+    def places(angles_deg: Sequence[float] | NDArray[np.float64]) -> list[float]:
+        steps = np.round(np.asarray(angles_deg, dtype=float) / _SAME_PLACE_DEG)
+        return list((steps % round(360.0 / _SAME_PLACE_DEG)).tolist())
+
+    frf = every[0]
+    nodes = _Nodes(frf, places(frf.position_deg))
+    forces_deg = [result.excitation_deg, *(each.excitation_deg for each in every[1:])]
+    forces = tuple(
+        nodes.at(places([angle])[0]) if angle is not None and np.isfinite(angle) else 0
+        for angle in forces_deg
+    )
+    further = [nodes.of_rows(each, places(each.position_deg)) for each in every[1:]]
+    node, added_deg = np.array(nodes.numbers), _SAME_PLACE_DEG * np.array(nodes.added)
+    angles, n_measured = np.append(frf.position_deg, added_deg), frf.n_positions
+    frfs = replace(frf, node=node[:n_measured]), *further
     notes = ["x-z plane, angles from x towards z; 0 deg is the zero of the grid"]
-    force_deg = result.excitation_deg
-    if force_deg is not None:
-        away = np.abs((angles - force_deg + 180.0) % 360.0 - 180.0)
-        if away.min() < _SAME_PLACE_DEG:
-            reference = int(node[np.argmin(away)])
-        else:
-            reference = int(node.max()) + 1
-            node, angles = np.append(node, reference), np.append(angles, force_deg)
     radius_m = None if result.tyre is None else result.tyre.mean_radius_m
     if radius_m is None:
         radius_m = _UNIT_RADIUS_M
@@ -109,26 +144,43 @@ def _circle(result: Result) -> Geometry:
         direction=direction,
         direction_code=X,
         n_measured=n_measured,
-        reference_node=reference,
+        reference_nodes=forces,
         is_closed=True,
         notes=tuple(notes),
+        # Letters that turn with the circle: all directions are radial.
+        frfs=tuple(
+            replace(each, axis=np.zeros(each.n_positions, dtype=int), force_axis=0) for each in frfs
+        ),
     )
 
 
-def _line(frf: FRF) -> Geometry:
-    node, place = node_numbers(frf), driving_point(frf)
-    along = _STEP_M * np.arange(node.size)
+def _line(every: Sequence[FRF]) -> Geometry:
+    def places(frf: FRF) -> list[tuple[int, int]]:
+        return list(zip(frf.node.tolist(), frf.axis.tolist(), strict=True))
+
+    frf, frfs, forces = every[0], list[FRF](), list[int]()
+    nodes, keeps_numbers = _Nodes(frf, places(frf)), np.array_equal(node_numbers(frf), frf.node)
+    for each in every:
+        numbered, place = nodes.of_rows(each, places(each)), driving_point(each)
+        at_row = 0 if place is None else int(numbered.node[place[0]])
+        forces.append(at_row if place is not None and place[1] > 0 else 0)
+        if not keeps_numbers and each.force_node > 0:
+            numbered = replace(numbered, force_node=at_row or max(nodes.numbers) + len(frfs) + 1)
+        frfs.append(numbered)
+    axis = np.array([*frf.axis.tolist(), *(axis for _, axis in nodes.added)])
+    node = np.array(nodes.numbers)
     zeros = np.zeros(node.size)
     return Geometry(
         node=node,
         position_deg=np.full(node.size, np.nan),
-        xyz_m=np.column_stack([along, zeros, zeros]),
-        direction=np.eye(3)[np.where(frf.axis > 0, frf.axis, Z) - 1],
+        xyz_m=np.column_stack([_STEP_M * np.arange(node.size), zeros, zeros]),
+        direction=np.eye(3)[np.where(axis > 0, axis, Z) - 1],
         direction_code=Z,
-        n_measured=node.size,
-        reference_node=int(node[place[0]]) if place is not None and place[1] > 0 else 0,
+        n_measured=frf.n_positions,
+        reference_nodes=tuple(forces),
         is_closed=False,
         notes=("no angles known: nodes on a line, 0.1 m apart; motion without an axis along z",),
+        frfs=tuple(frfs),
     )
 
 
@@ -147,6 +199,9 @@ class ModalExport(ReadonlyArrays):
     # inertances (accelerances) in (m/s²)/N under the exported node numbers
     measured: FRF | None
     synthesised: FRF | None
+    # the same against each further force
+    further_measured: tuple[FRF, ...] = ()
+    further_synthesised: tuple[FRF, ...] = ()
     ring: ParameterSet | None = None  # as in ``tyre.toml``
     # whether CSV has semicolons and decimal commas, as Excel expects it in many countries
     decimal_comma: bool = False
@@ -162,6 +217,32 @@ class ModalExport(ReadonlyArrays):
         return self.result.modal_model.modes
 
     @property
+    def frfs(self) -> list[tuple[str, int, FRF]]:
+        """All FRFs, each with its kind and the number of its force."""
+        measured = MEASURED, (self.measured, *self.further_measured)
+        synthesised = SYNTHESISED, (self.synthesised, *self.further_synthesised)
+        return [
+            (kind, number, frf)
+            for kind, every in (measured, synthesised)
+            for number, frf in enumerate(every, start=1)
+            if frf is not None
+        ]
+
+    @property
+    def references(self) -> dict[str, NDArray[Any]]:
+        """Where each of several forces acts, and how it drives the modes: (n_modes, n_forces)."""
+        frfs = self.geometry.frfs
+        participation = np.full((len(self.modes), len(frfs)), complex(np.nan, np.nan))
+        for each in self.result.references:
+            participation[each.mode - 1, each.reference - 1] = complex(*each.participation)
+        return {
+            "node": np.array(self.geometry.reference_nodes),
+            "position_deg": np.array([frf.excitation_deg for frf in frfs]),
+            "direction": np.array([frf.force_axis for frf in frfs]),
+            "participation": participation,
+        }
+
+    @property
     def is_real(self) -> bool:
         """Whether the shapes are real."""
         return not np.iscomplexobj(self.shapes)
@@ -171,6 +252,11 @@ class ModalExport(ReadonlyArrays):
         """Modal mass A/(2j ω_d) of the shapes as real shapes; NaN where unknown."""
         damped = np.array([mode.pole.imag for mode in self.modes])
         return np.asarray((self.modal_a / (2j * damped)).real)
+
+
+def of_force(kind: str, number: int) -> str:
+    """Name of the FRFs of a force; those of the first one have no number."""
+    return kind if number == 1 else f"{kind}_{number}"
 
 
 _WIDEST, _NARROWEST = 70, 9  # of a column, in characters
@@ -219,9 +305,10 @@ def _sheets(result: Result, ring: ParameterSet | None, frfs: Mapping[str, FRF]) 
         yield _ring(ring)
         yield _of_table("Validation", found["validation.csv"])
     yield from _shapes(result)
-    for title in ("Orders", "Other modes", "Corrections"):
-        sheet = _of_table(title, found[f"{title.lower().replace(' ', '_')}.csv"])
-        if sheet.rows:
+    for title in ("Orders", "References", "Other modes", "Corrections"):
+        table = found.get(f"{title.lower().replace(' ', '_')}.csv")
+        sheet = None if table is None else _of_table(title, table)
+        if sheet is not None and sheet.rows:
             yield sheet
     yield _of_table(_FINDINGS, found["quality.csv"])
     for name, frf in frfs.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -16,7 +16,9 @@ from scipy.io import savemat
 
 from ema.core.display import jsonable
 from ema.core.errors import InputError, escaped, unknown
-from ema.core.modes import Mode
+from ema.core.frf import FRF
+from ema.core.modes import ModalModel, Mode
+from ema.fitting.variable_projection import project, stacked
 from ema.io.uff import write as uff
 from ema.io.uff.reader import SYNTHESISED
 from pipelines.export.data import (
@@ -26,13 +28,14 @@ from pipelines.export.data import (
     Geometry,
     ModalExport,
     geometry_of,
+    of_force,
     write_workbook,
 )
 from pipelines.results.parameter_set import read_parameter_set
 from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.results.tables import in_band
+from pipelines.results.tables import in_band, references
 from pipelines.storage.atomic import file_written_whole, require_free_file, written_whole
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.tables import write_csv
@@ -155,26 +158,49 @@ def gather(
         notes = (*notes, "measured FRFs as fitted: corrected, masses compensated (see the result)")
     geometry = replace(geometry, notes=(*geometry.notes, *notes))
     shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
-    frf = replace(result.frf, node=geometry.node[: geometry.n_measured])
-    if geometry.is_closed:  # letters that turn with the circle: all of them radial
-        frf = replace(frf, axis=np.zeros(frf.n_positions, dtype=int), force_axis=0)
-    synthesised = None
+    every = geometry.frfs
+    synthesised: tuple[FRF, ...] = ()
     if frfs in (BOTH, SYNTHESISED):
-        fitted = in_band(frf.frequency_hz, model.fit_band_hz)
-        parts = {name: getattr(frf, name)[:, fitted] for name in ("values", "coherence", "std")}
-        frf = replace(frf, frequency_hz=frf.frequency_hz[fitted], **parts)
-        values = model.synthesise(frf.frequency_hz, frf.run)
-        blank = np.full(values.shape, np.nan)
-        synthesised = replace(frf, values=values, coherence=blank, std=blank)
+        fitted = in_band(result.frf.frequency_hz, model.fit_band_hz)
+        every = tuple(_at_lines(frf, fitted) for frf in every)
+        synthesised = tuple(_synthesised(model, every))
+    measured = every if frfs in (BOTH, MEASURED) else ()
     return ModalExport(
         result=result,
         geometry=geometry,
         shapes=shapes.real if real else shapes.astype(complex),
         modal_a=np.array([_modal_a(mode, geometry) for mode in model.modes], dtype=complex),
-        measured=frf if frfs in (BOTH, MEASURED) else None,
-        synthesised=synthesised,
+        measured=measured[0] if measured else None,
+        synthesised=synthesised[0] if synthesised else None,
+        further_measured=measured[1:],
+        further_synthesised=synthesised[1:],
         frfs_as_text=text,
     )
+
+
+def _at_lines(frf: FRF, lines: NDArray[np.bool_]) -> FRF:
+    parts = {name: getattr(frf, name)[:, lines] for name in ("values", "coherence", "std")}
+    return replace(frf, frequency_hz=frf.frequency_hz[lines], **parts)
+
+
+def _synthesised(model: ModalModel, every: Sequence[FRF]) -> Iterator[FRF]:
+    """Inertances of the model, force by force.
+
+    It has residues and residual terms of the first force only; those of further ones are fitted to
+    their FRFs with the same poles.
+    """
+    poles = model.poles_and_residues(as_measured=True)[0]
+    for number, frf in enumerate(every):
+        if number == 0:
+            values = model.synthesise(frf.frequency_hz, frf.run)
+        else:
+            alike = np.ones(frf.frequency_hz.size)
+            given = stacked(frf.values, alike)
+            left = project(2 * np.pi * frf.frequency_hz, given, alike, poles).misfit
+            real, imag = np.split((given - left).T, 2, axis=1)
+            values = real + 1j * imag
+        blank = np.full(values.shape, np.nan)
+        yield replace(frf, values=values, coherence=blank, std=blank)
 
 
 def _modal_a(mode: Mode, geometry: Geometry) -> complex:
@@ -226,13 +252,17 @@ def content(found: ModalExport) -> dict[str, Any]:
         "band_hz": list(model.band_hz),
         "fit_band_hz": list(model.fit_band_hz),
     }
-    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
-        if frf is not None:
-            everything[name] = part = {"frequency_hz": frf.frequency_hz, "frf": frf.values}
-            if np.isfinite(frf.std).any():
-                part["frf_std"] = frf.std
-            if np.isfinite(frf.coherence).any():
-                part["coherence"] = frf.coherence
+    if found.result.references:
+        everything["references"] = found.references
+    for kind, number, frf in found.frfs:
+        part: dict[str, Any] = {"frequency_hz": frf.frequency_hz, "frf": frf.values}
+        everything[of_force(kind, number)] = part
+        if number > 1:
+            part["node"] = frf.node
+        if np.isfinite(frf.std).any():
+            part["frf_std"] = frf.std
+        if np.isfinite(frf.coherence).any():
+            part["coherence"] = frf.coherence
     return everything
 
 
@@ -293,22 +323,24 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     write(folder / "nodes.csv", nodes)
     write(folder / "modes.csv", _modes(found))
     write(folder / "shapes.csv", _shapes(found))
-    for name, frf in (("measured", found.measured), ("synthesised", found.synthesised)):
-        if frf is not None:
-            parts = np.ascontiguousarray(frf.values.T).view(np.float64)
-            names = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
-            cells = dict(zip(names, parts.T, strict=True))
-            write(folder / f"frf_{name}.csv", {"frequency_hz": frf.frequency_hz, **cells})
+    for kind, number, frf in found.frfs:
+        parts = np.ascontiguousarray(frf.values.T).view(np.float64)
+        names = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
+        cells = dict(zip(names, parts.T, strict=True))
+        table = {"frequency_hz": frf.frequency_hz, **cells}
+        write(folder / f"frf_{of_force(kind, number)}.csv", table)
     about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
     about |= {"force_node": geometry.reference_node, "units": UNITS}
+    if found.result.references:
+        write(folder / "references.csv", references(found.result))
+        about["force_nodes"] = geometry.reference_nodes
     write_marker(folder / FOLDER_MARKER, about)
 
 
 def write_xlsx(found: ModalExport, path: Path) -> None:
     """Write an Excel workbook: the tables of a result, and the FRFs."""
-    frfs = {"measured": found.measured, "synthesised": found.synthesised}
-    known = {name: frf for name, frf in frfs.items() if frf is not None}
-    write_workbook(path, found.result, found.ring, known)
+    frfs = {of_force(kind, number).replace("_", " "): frf for kind, number, frf in found.frfs}
+    write_workbook(path, found.result, found.ring, frfs)
 
 
 def _modes(found: ModalExport) -> dict[str, Any]:
@@ -357,16 +389,16 @@ def write_uff(found: ModalExport, path: Path) -> None:
         for number in range(1, len(found.modes) + 1):
             file.write(uff.shape_55(_shape(found, number)))
         meaning = "radial, outward" if geometry.is_closed else "as measured"
-        for kind, frf in ((MEASURED, found.measured), (SYNTHESISED, found.synthesised)):
-            if frf is not None:
-                uff.append_frfs(
-                    file,
-                    frf,
-                    reference_node=geometry.reference_node,
-                    direction=geometry.direction_code,
-                    note=f"{kind}; direction {geometry.direction_code} is {meaning}",
-                    byte_order=None if found.frfs_as_text else "little",
-                )
+        for kind, number, frf in found.frfs:
+            uff.append_frfs(
+                file,
+                frf,
+                reference_node=geometry.reference_nodes[number - 1],
+                force_deg=frf.excitation_deg if geometry.frfs[1:] else np.nan,
+                direction=geometry.direction_code,
+                note=f"{kind}; direction {geometry.direction_code} is {meaning}",
+                byte_order=None if found.frfs_as_text else "little",
+            )
 
 
 def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:

@@ -35,7 +35,7 @@ from ema.signals.steadiness import steadiness_findings, with_changes_within_runs
 from pipelines.process.ring import options_of, tune
 from pipelines.results.edits_file import Record, read_edits
 from pipelines.results.provenance import Stopwatch, made_now
-from pipelines.results.result import Result, automatic_modes, driven_modes, edit_records
+from pipelines.results.result import Further, Result, automatic_modes, driven_modes, edit_records
 from pipelines.results.store import load
 
 # Settings that need no recordings; all others cut them into other blocks.
@@ -133,7 +133,10 @@ def with_modes(result: Result, found: Identification, checks: CheckSettings) -> 
         sensor_mass=found.sensor_mass,
         edits=found.edits,
         references=driven_modes(found),
-        further=tuple(every[1:]),
+        further=tuple(
+            Further(each.measured, each.corrections, each.sensor_mass)
+            for each in found.references[1:]
+        ),
     )
 
 

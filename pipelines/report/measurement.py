@@ -14,6 +14,7 @@ from ema.core.display import DASH, number, plain, signed, value_with_std
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
+from ema.core.references import frfs_of
 from pipelines.plots import measurement as plots
 from pipelines.plots.chart import Chart
 from pipelines.report.page import Beside, Block, Facts, Paragraph, Section, Table, Template
@@ -88,7 +89,7 @@ def _setup_rows(result: Result) -> tuple[tuple[str, str], ...]:
     spacing = float(np.mean(np.diff(frf.frequency_hz)))
     low, high = result.diagram.band_hz
     lines, (first, last) = frf.frequency_hz.size, frf.frequency_hz[[0, -1]]
-    forces_deg = result.excitation_deg, *(each.excitation_deg for each in result.further)
+    forces_deg = result.excitation_deg, *(frf.excitation_deg for frf in frfs_of(result.frfs)[1:])
     rows = [
         ("Positions", f"{frf.n_positions}"),
         ("Runs", f"{len(runs)}: {', '.join(shown)}" if runs else DASH),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.checks.corrections import Correction
+from ema.checks.corrections import Correction, corrected
 from ema.checks.quality import ReferenceCheck
-from ema.checks.sensor_mass import SensorMass
+from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.circumference.orders import PURE, drive
 from ema.core.campaign import Direction, Tyre
 from ema.core.display import band_text, facts, table
@@ -209,6 +210,20 @@ class Stored:
 
 
 @dataclass(frozen=True, eq=False)
+class Further:
+    """FRFs against a further force: as measured, and what was done with them before the fit."""
+
+    measured: FRF
+    corrections: tuple[Correction, ...] = ()
+    sensor_mass: SensorMass | None = None
+
+    @cached_property
+    def fitted(self) -> FRF:
+        """The FRFs that were fitted."""
+        return without_mass(corrected(self.measured, self.corrections), self.sensor_mass)
+
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """Result of `pipelines.process.run`; stages that did not apply are None.
 
@@ -257,8 +272,8 @@ class Result:
     references : tuple of DrivenMode
         What each of several forces contributes; `frf`, `measured` and the residues of the modes
         are of the first one. Empty for one force.
-    further : tuple of FRF
-        FRFs as measured against the other forces.
+    further : tuple of Further
+        FRFs against the other forces.
 
     Examples
     --------
@@ -295,12 +310,13 @@ class Result:
     automatic_misfit: float = float("nan")
     stored: Stored | None = None
     references: tuple[DrivenMode, ...] = ()
-    further: tuple[FRF, ...] = ()
+    further: tuple[Further, ...] = ()
 
     @property
     def frfs(self) -> FRF | References:
         """FRFs as measured, of one force or of several."""
-        return References((self.measured, *self.further)) if self.further else self.measured
+        others = (each.measured for each in self.further)
+        return References((self.measured, *others)) if self.further else self.measured
 
     @property
     def torsion(self) -> OtherMode | None:

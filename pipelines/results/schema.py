@@ -114,6 +114,8 @@ class StoredFurther:
     exponential_window: ExponentialWindow | None
     rows: dict[str, tuple[float, ...]]
     forces: tuple[StoredForce, ...]
+    corrections: tuple[Correction, ...] = ()
+    sensor_mass: StoredMass | None = None
 
 
 @dataclass(frozen=True)
@@ -229,17 +231,17 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     curves = found.indicator, found.indicator_hz, *found.cmif, *found.mif
     lengths = [*map(len, curves)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"
-    of_mass = found.sensor_mass.drift if found.sensor_mass else None
-    for drift in [found.drift, *([of_mass] if of_mass else [])]:
+    every: tuple[Stored | StoredFurther, ...] = (found, *found.further)
+    masses = [each.sensor_mass for each in every if each.sensor_mass]
+    for drift in [found.drift, *(mass.drift for mass in masses if mass.drift)]:
         each_run = {**vars(drift), "number": drift.number or drift.run}
         lengths = [len(each) for each in each_run.values() if isinstance(each, tuple)]
         yield "drift", lengths if len({*lengths}) > 1 else [], "needs one value for each run"
         yield "drift", [each for each in drift.percent if not each > -100], "must be > -100 %"
-    if (held := found.sensor_mass) is not None and held.own_kg:
+    for held in (mass for mass in masses if mass.own_kg):
         groups = held.sensors_deg, held.own_kg
-        seats, masses = ({run: len(each) for run, each in group.items()} for group in groups)
-        yield "sensor_mass", [masses] if masses != seats else [], "needs a mass for each sensor"
-    every: tuple[Stored | StoredFurther, ...] = (found, *found.further)
+        seats, own = ({run: len(each) for run, each in group.items()} for group in groups)
+        yield "sensor_mass", [own] if own != seats else [], "needs a mass for each sensor"
     plans = [each.blocks for each in every if each.blocks]
     for plan in [*plans, *(force.plan for each in every for force in each.forces)]:
         counts = (plan.sampling_rate_hz, plan.block_samples, plan.step_samples, plan.n_blocks)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.checks.corrections import corrected
+from ema.checks.corrections import Correction, corrected
 from ema.checks.quality import check_reference
 from ema.checks.sensor_mass import SensorMass, without_mass
 from ema.circumference.orders import highest_order
@@ -25,13 +25,14 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, ForceRecord
 from ema.core.modes import ModalModel, Mode, ResidualTerms
 from ema.core.recording import FORCE, Channel
+from ema.core.references import frfs_of
 from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
 from ema.poles.tracking import Cluster
 from pipelines.results import schema
 from pipelines.results.edits_file import edits_of
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
-from pipelines.results.result import Result, Setup, Stored
+from pipelines.results.result import Further, Result, Setup, Stored
 from pipelines.results.tables import in_band, read_frfs, write_frfs
 from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
@@ -134,7 +135,9 @@ def write_identification(result: Result, folder: Path) -> None:
     measured = result.measured
     content |= _about_rows(measured)
     content["further"] = [
-        _about_rows(each) | {name: getattr(each, name) for name in _OF_FURTHER}
+        _about_rows(each.measured)
+        | {name: getattr(each.measured, name) for name in _OF_FURTHER}
+        | {"corrections": each.corrections, "sensor_mass": each.sensor_mass}
         for each in result.further
     ]
     text = json.dumps(content, default=_as_json)
@@ -161,8 +164,9 @@ def write_measured(result: Result, folder: Path) -> None:
     """Write the FRFs as measured and the forces, or copy them from where they were read."""
     stored, frf = result.stored, result.measured
     if stored is None or stored.measured is not frf or not _copied(stored, folder):
-        write_frfs((frf, *result.further), folder)
-        _write_forces((frf, *result.further), folder / FORCE_NAME)
+        every = frfs_of(result.frfs)
+        write_frfs(every, folder)
+        _write_forces(every, folder / FORCE_NAME)
 
 
 def _copied(stored: Stored, folder: Path) -> bool:
@@ -286,7 +290,7 @@ def _complex(pairs: Sequence[schema.Two]) -> NDArray[np.complex128]:
 
 def _read_measured(
     folder: Path, stored: schema.Stored, estimator: str
-) -> tuple[FRF, tuple[FRF, ...]]:
+) -> tuple[FRF, tuple[Further, ...]]:
     """FRFs as measured, those of the fixed sensor among them, and those of further forces."""
     frf, *others = (each for _, each in sorted(read_frfs(folder / "frf.parquet").items()))
     fixed = {}
@@ -304,12 +308,14 @@ def _read_measured(
         estimator=estimator,
         **of_rows,
     )
-    _require_rows(folder / JSON_NAME, stored, frf.n_positions)
+    _require_rows(folder / JSON_NAME, stored.corrections, frf.n_positions)
     if len(others) != len(stored.further):
         found, rule = f"{len(others)} in frf.parquet", f"{len(stored.further)} are described"
         raise InputError(f"{folder / JSON_NAME}, further", found, rule, schema.REMEDY)
-    further = [
-        replace(
+    further = []
+    for number, (other, known) in enumerate(zip(others, stored.further, strict=True), 2):
+        _require_rows(folder / JSON_NAME, known.corrections, other.n_positions)
+        measured = replace(
             other,
             **{name: getattr(known, name) for name in _OF_FURTHER},
             forces=_read_forces(folder / FORCE_NAME, known.forces),
@@ -317,8 +323,7 @@ def _read_measured(
             estimator=estimator,
             **_of_rows(folder / JSON_NAME, known.rows, other),
         )
-        for number, (other, known) in enumerate(zip(others, stored.further, strict=True), 2)
-    ]
+        further.append(Further(measured, known.corrections, _mass(known.sensor_mass)))
     return frf, tuple(further)
 
 
@@ -335,11 +340,11 @@ def _of_rows(path: Path, stored: Mapping[str, Sequence[float]], frf: FRF) -> dic
     return of_rows
 
 
-def _require_rows(path: Path, stored: schema.Stored, n_rows: int) -> None:
+def _require_rows(path: Path, corrections: Sequence[Correction], n_rows: int) -> None:
     """Refuse corrections of rows that the FRFs do not have, several of one, and of all."""
-    rows = [each.row for each in stored.corrections]
-    named = {*rows, *(each.source_row for each in stored.corrections)}
-    out = [each.row for each in stored.corrections if each.excluded]
+    rows = [each.row for each in corrections]
+    named = {*rows, *(each.source_row for each in corrections)}
+    out = [each.row for each in corrections if each.excluded]
     if not named <= set(range(n_rows)) or len(set(rows)) < len(rows) or len(out) == n_rows:
         rule = f"at most one for each of the {n_rows} FRFs, of which one or more must be used"
         raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)

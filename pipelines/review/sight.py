@@ -117,10 +117,16 @@ class Sight:
         opened = (
             replace(
                 self,
-                result=replace(self.result, frf=frf, measured=frf, corrections=()),
+                result=replace(
+                    self.result,
+                    frf=each.fitted,
+                    measured=each.measured,
+                    corrections=each.corrections,
+                    sensor_mass=each.sensor_mass,
+                ),
                 is_fitted=False,
             )
-            for frf in self.result.further
+            for each in self.result.further
         )
         return self, *opened
 

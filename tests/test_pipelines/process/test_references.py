@@ -1,5 +1,6 @@
 """A campaign with two forces, from FRFs to the result folder and back."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -71,7 +72,7 @@ def test_a_result_of_several_forces_is_read_back_and_refitted(result, tmp_path):
     rm.save(result, tmp_path / "result", report=False)
     back = rm.load(tmp_path / "result")
     assert back.references == result.references
-    for there, here in zip(back.further, result.further, strict=True):
+    for there, here in zip(back.frfs, result.frfs, strict=True):
         assert np.array_equal(there.values, here.values)
         assert there.excitation_deg == here.excitation_deg
     aside = Edit(EditKind.SET_ASIDE, PoleName(result.modal_model.modes[-1].frequency_hz))
@@ -101,8 +102,30 @@ def test_forces_of_a_result_are_read_back_from_its_universal_file(result, tmp_pa
     (tmp_path / "campaign.toml").write_text(manifest)
     back = rm.read_campaign(tmp_path).frf
     assert [frf.excitation_deg for frf in back] == [0.0, 13.0]
-    for there, here in zip(back, (result.measured, *result.further), strict=True):
+    for there, here in zip(back, result.frfs, strict=True):
         np.testing.assert_allclose(there.values, here.values, rtol=1e-12)
+
+
+def test_exports_hold_the_frfs_of_all_forces(result, tmp_path):
+    rm.save(result, tmp_path / "result", report=False)
+    export(tmp_path / "result", tmp_path / "both.uff", frfs="measured")
+    back = rm.read_campaign(tmp_path / "both.uff").frf
+    assert [frf.force_node for frf in back] == [1, 13]
+    for there, here in zip(back, result.frfs, strict=True):
+        np.testing.assert_allclose(there.values, here.values, rtol=1e-12)
+    export(tmp_path / "result", tmp_path / "both.json")
+    held = json.loads((tmp_path / "both.json").read_text())
+    assert held["references"]["position_deg"] == [0.0, 13.0]
+    assert held["references"]["node"] == [1, 13]
+    parts = (held["measured_2"]["frf"], held["synthesised_2"]["frf"])
+    measured, fitted = (np.array(each["real"]) + 1j * np.array(each["imag"]) for each in parts)
+    assert np.sqrt(np.mean(np.abs(measured - fitted) ** 2)) < 2e-3  # the noise of 1e-3
+    driven = held["references"]["participation"]
+    sizes = np.hypot(driven["real"], driven["imag"])
+    assert np.allclose(sizes.max(axis=1), 1.0)
+    tables = export(tmp_path / "result", tmp_path / "both", "csv").path
+    assert pd.read_csv(tables / "references.csv")["reference"].nunique() == 2
+    assert pd.read_csv(tables / "frf_measured_2.csv").shape[1] == 25
 
 
 def test_a_mass_that_came_with_the_second_force_is_named(tmp_path):
