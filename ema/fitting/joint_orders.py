@@ -15,7 +15,7 @@ from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
-from ema.fitting.variable_projection import Complex
+from ema.fitting.variable_projection import Complex, Real
 
 # Orders change alike from force to force to these shares of frequency and decay.
 _UNEVEN = np.array([2e-5, 1e-3])
@@ -43,7 +43,10 @@ def joint_curves(
     joint = _JointSearch(curves)
     for _ in range(_ROUNDS - 1):
         joint.search()
-        joint = _JointSearch([joint.with_run_states(k) for k in range(len(curves))], joint)
+        before = joint
+        joint = _JointSearch([joint.with_run_states(k) for k in range(len(curves))], before)
+        if joint.is_as(before):
+            break
     joint.search(is_last=True)
     return [joint.with_ring(k, two) for k in range(len(curves))], joint.states
 
@@ -65,11 +68,27 @@ class _JointSearch:
         shared = set(by_order[0]).intersection(*by_order[1:])
         self.alone = {order: [each[order] for each in by_order] for order in sorted(shared)}
         self.states: tuple[ForceState, ...] = (SAME_STATE,) * len(curves)
-        self.joint: dict[int, list[RingOrder]] = {}
+        self.joint, self.parameters = self.alone, dict[int, Real]()
         if before is not None:
             self.states, self.joint = before.states, before.joint
+            self.parameters = before.parameters
         for force, search in enumerate(self.searches):
             search.resolve(self._of_force(force))
+        self.seen = {
+            order: [
+                search.seen_of(order, list(each.members))
+                for search, each in zip(self.searches, alone, strict=True)
+            ]
+            for order, alone in self.alone.items()
+        }
+
+    def is_as(self, before: _JointSearch) -> bool:
+        """Whether pairs, found from what is seen now, are what they were."""
+        return self.seen.keys() == before.seen.keys() and all(
+            now.is_as(then)
+            for order, seen in self.seen.items()
+            for now, then in zip(seen, before.seen[order], strict=True)
+        )
 
     def search(self, *, is_last: bool = False) -> None:
         """Fit all orders; states of the forces stay in the last search, which gives verdicts."""
@@ -78,6 +97,7 @@ class _JointSearch:
         tried = {order: self._fitted(order, states, is_last) for order in self.alone}
         fits = {order: found for order, found in tried.items() if found is not None}
         self.joint = {order: orders for order, (_, orders) in fits.items()}
+        self.parameters = {order: fit.parameters for order, (fit, _) in fits.items()}
         if fits and not is_last:
             self.states = (SAME_STATE, *_states([fit for fit, _ in fits.values()]))
 
@@ -108,11 +128,7 @@ class _JointSearch:
         self, order: int, states: Sequence[ForceState], is_last: bool
     ) -> tuple[JointFit, list[RingOrder]] | None:
         """Joint fit of an order, and the order as each force shows it in its first run's state."""
-        alone = self.alone[order]
-        seen = [
-            search.seen_of(order, list(each.members))
-            for search, each in zip(self.searches, alone, strict=True)
-        ]
+        alone, seen = self.alone[order], self.seen[order]
         start, axes_rad = _common_start([each.start for each in seen]), seen[0].force_rad
         turned = [each.force_rad - axes_rad for each in seen]
         own = [
@@ -130,7 +146,11 @@ class _JointSearch:
                 problems.append(JointProblem(whole, turned, states))
         if not problems:
             return None
-        fit = problems[0].solve(problems[1] if len(problems) > 1 else None)
+        near = self.parameters.get(order)
+        if is_last:
+            fit = problems[0].solve(problems[1] if len(problems) > 1 else None, near)
+        else:
+            fit = problems[0].rough(near)
         orders = []
         for search, each, pair, single in zip(self.searches, seen, fit.pairs, alone, strict=True):
             pair = search.in_first_state(pair, each.start)

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
 from scipy.optimize import leastsq
 
 from ema.core.numerics import end_if_stopped
@@ -60,11 +61,24 @@ class JointFit:
     shift : ndarray, shape (n_forces, 2)
         Relative change of frequency and decay since the first force.
     shift_std : ndarray, shape (n_forces, 2)
+    parameters : ndarray
+        Of `JointProblem`.
     """
 
     pairs: tuple[PairFit, ...]
     shift: Real
     shift_std: Real
+    parameters: Real
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """What is linear at some parameters: mixing and gains, as in `PairProblem` times the amplitude."""
+
+    left: Complex  # weighted residuals
+    orthonormal: Complex
+    found: Complex  # amplitude, mixing, gains
+    waves: list[Complex]  # of each force, for unit amplitude
 
 
 class JointProblem:
@@ -95,8 +109,14 @@ class JointProblem:
             self.expected[own] = 0.0, state.frequency, state.decay
             spread += [problem.priors[4], state.frequency_std, state.decay_std]
         self.spread = np.array(spread)
+        none, every = np.zeros(self.expected.size), np.eye(self.expected.size)
+        #: Slopes of a force's parameters to those searched.
+        self.to_force = [
+            self.of_force(every, k) - self.of_force(none, k) for k in range(len(problems))
+        ]
+        self._solved: tuple[tuple[float, ...], _Linear] | None = None
         self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
-        self.amplitude = abs(self._linear(self.expected)[2][0])
+        self.amplitude = abs(self._linear(self.expected).found[0])
 
     def _own(self, force: int) -> slice:
         """Parameters of a force."""
@@ -114,7 +134,6 @@ class JointProblem:
         """The parameters of the minimum from a start, and twice its cost."""
         end_if_stopped()
         chosen = np.arange(start.size) if free is None else np.array(free)
-        steps = 1e-6 * np.diag(self.sizes)[chosen]
 
         def whole(values: Real) -> Real:
             x = start.copy()
@@ -125,7 +144,7 @@ class JointProblem:
             lambda values: self.residuals(whole(values)),
             start[chosen],
             (),
-            lambda values: self.jacobian(whole(values), steps),
+            lambda values: self.jacobian(whole(values))[:, chosen],
             True,
             diag=1 / self.sizes[chosen],
             maxfev=_EVALUATIONS,
@@ -136,13 +155,17 @@ class JointProblem:
         x = whole(found)
         return x, float(np.sum(self.residuals(x) ** 2))
 
-    def solve(self, narrow: JointProblem | None) -> JointFit:
+    def rough(self, near: Real | None) -> JointFit:
+        """The best pair, from parameters near it or from nothing."""
+        return self._fit(self.minimum(self.start() if near is None else near)[0], 0.0)
+
+    def solve(self, narrow: JointProblem | None, near: Real | None = None) -> JointFit:
         """The best pair, with what the data say against one pole.
 
         What half the lines would change, in a `narrow` problem, is part of the covariance as in
         `ema.fitting.order_pair`.
         """
-        x, cost = self.minimum(self.start())
+        x, cost = self.minimum(self.start() if near is None else near)
         scale = max(self._misfit(cost), 1e-12)
         for problem in (*self.problems, *(narrow.problems if narrow else ())):
             problem.scale = scale
@@ -201,41 +224,41 @@ class JointProblem:
 
     def residuals(self, x: Real) -> Real:
         """Weighted residuals, those of the priors included."""
-        return np.concatenate([self._linear(x)[0].view(float), self._strayed(x)])
+        return np.concatenate([self._linear(x).left.view(float), self._strayed(x)])
 
-    def jacobian(self, x: Real, steps: Real) -> Real:
-        """Slopes of the residuals to the parameters that `steps` moves, of Kaufman (1975)."""
-        left, orthonormal, found = self._linear(x)
-        size = np.linalg.norm(steps, axis=1)
+    def jacobian(self, x: Real) -> Real:
+        """Slopes of the residuals to the parameters, of Kaufman (1975)."""
+        linear, found = self._linear(x), self._linear(x).found
         mixed = found[0] * np.eye(2) + found[1 : 1 + _MIXING].reshape(2, 2)
-        rows = np.zeros((size.size, left.size), dtype=complex)
+        rows = np.zeros((x.size, linear.left.size), dtype=complex)
         at = 0
         for k, problem in enumerate(self.problems):
-            ahead, behind = (
-                problem.inside_waves(self.of_force(x + sign * steps, k)) for sign in (1, -1)
-            )
-            slopes = (ahead - behind) / (2 * size[:, None, None])
+            size = 1e-6 * problem.sizes
+            ahead = problem.inside_waves(self.of_force(x, k) + np.diag(size))
+            slopes = (ahead - linear.waves[k]) / size[:, None, None]
             slopes = mixed @ slopes + found[1 + _MIXING + k] * slopes
             own = (slopes * problem.weight[:, None]).reshape(size.size, -1)
-            rows[:, at : at + own.shape[1]] = own
+            rows[:, at : at + own.shape[1]] = self.to_force[k] @ own
             at += own.shape[1]
-        rows -= (rows @ orthonormal.conj()) @ orthonormal.T
-        priors = steps[:, 2:] / size[:, None] / self.spread[2:]
+        rows -= (rows @ linear.orthonormal.conj()) @ linear.orthonormal.T
+        priors = np.eye(x.size)[:, 2:] / self.spread[2:]
         return np.concatenate([-rows.view(float), priors], axis=1).T
 
     def _strayed(self, x: Real) -> Real:
         return np.asarray(((x - self.expected) / self.spread)[2:])
 
-    def _linear(self, x: Real) -> tuple[Complex, Complex, Complex]:
-        """Weighted residuals, orthonormal columns, and amplitude, mixing and gains at best.
+    def _linear(self, x: Real) -> _Linear:
+        """What is linear, at best; the last is kept."""
+        key = (*x, self.amplitude, *(problem.scale for problem in self.problems))
+        if self._solved is None or self._solved[0] != key:
+            self._solved = key, self._eliminated(x)
+        return self._solved[1]
 
-        Mixing and gains are times the amplitude, as in `PairProblem`.
-        """
-        n_forces = len(self.problems)
-        n_columns = 1 + _MIXING + n_forces
+    def _eliminated(self, x: Real) -> _Linear:
+        n_columns = 1 + _MIXING + len(self.problems)
+        every = [p.inside_waves(self.of_force(x[None], k))[0] for k, p in enumerate(self.problems)]
         blocks, rights = list[Complex](), list[Complex]()
-        for k, problem in enumerate(self.problems):
-            waves = problem.inside_waves(self.of_force(x[None], k))[0]
+        for k, (problem, waves) in enumerate(zip(self.problems, every, strict=True)):
             weighted = waves * problem.weight[:, None]
             block = np.zeros((n_columns, *waves.shape), dtype=complex)
             block[0] = weighted
@@ -252,9 +275,11 @@ class JointProblem:
         columns = np.concatenate([*blocks, prior], axis=1)
         right = np.concatenate([*rights, np.zeros(n_columns - 1)])
         size = np.linalg.norm(columns, axis=1)
-        orthonormal, triangle = np.linalg.qr((columns / size[:, None]).T)
+        factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
+        orthonormal = zungqr(factors, scales)[0]
         seen = orthonormal.conj().T @ right
-        return right - orthonormal @ seen, orthonormal, np.linalg.solve(triangle, seen) / size
+        found = ztrtrs(factors[:n_columns], seen)[0] / size
+        return _Linear(right - orthonormal @ seen, orthonormal, found, every)
 
     def _misfit(self, cost: float) -> float:
         """Reduced χ² of all forces, in terms of their scales."""
@@ -264,7 +289,7 @@ class JointProblem:
 
     def _fit(self, x: Real, gain: float) -> JointFit:
         covariance = self.covariance(x)
-        found = self._linear(x)[2]
+        found = self._linear(x).found
         mixed = found[0] + found[1 + _MIXING :]
         pairs = tuple(
             replace(self._of_force(x, covariance, k, complex(mixed[k])), gain=gain)
@@ -272,11 +297,11 @@ class JointProblem:
         )
         own = x[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
         std = np.sqrt(np.diag(covariance))[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
-        return JointFit(pairs, own - own[0], std)
+        return JointFit(pairs, own - own[0], std, x)
 
     def covariance(self, x: Real) -> Real:
         """Covariance of the parameters at a minimum."""
-        slopes = self.jacobian(x, 1e-6 * np.diag(self.sizes))
+        slopes = self.jacobian(x)
         size = np.linalg.norm(slopes, axis=0)
         slopes = slopes / size
         inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
@@ -286,18 +311,12 @@ class JointProblem:
         """The pair as one force's FRFs show it."""
         problem = self.problems[force]
 
-        def numbers(at: Real) -> Real:
-            return problem.numbers(self.of_force(at, force))
-
-        step = 1e-3 * np.sqrt(np.diag(covariance))
-        slope = np.array(
-            [
-                (numbers(x + h) - numbers(x - h)) / (2 * size)
-                for h, size in zip(np.diag(step), step, strict=True)
-            ]
-        ).T
+        here, own = self.of_force(x, force), self.to_force[force]
+        step = 1e-3 * np.sqrt(np.diag(own.T @ covariance @ own))
+        ends = [problem.numbers(here + h) - problem.numbers(here - h) for h in np.diag(step)]
+        slope = (np.array(ends) / (2 * step[:, None])).T @ own.T
         spread = slope @ covariance @ slope.T + np.diag(self._of_direction(x, covariance, force))
-        pair = problem.pair_of(self.of_force(x, force), spread, amplitude, problem.scale)
+        pair = problem.pair_of(here, spread, amplitude, problem.scale)
         apart = np.hypot(*x[[2, 3]])
         turned = np.sqrt(np.trace(covariance[2:4, 2:4]) / 2) / (2 * apart)
         return replace(pair, turned_std_rad=float(min(turned, np.pi / np.sqrt(12))))
