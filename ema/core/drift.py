@@ -90,6 +90,17 @@ class Drift(ReadonlyArrays):
         std = self.std_percent, self.damping_std_percent
         return float(np.mean(std[0])) / 100, float(np.mean(std[1])) / 100
 
+    @property
+    def left_out(self) -> tuple[float, float]:
+        """Mean state of the runs against the first, as found but not applied, both relative.
+
+        Shifts too small to be told from chance draw the mean of the runs, which is stated, away
+        from the first one.
+        """
+        if self.applied or not self.run:
+            return 0.0, 0.0
+        return float(np.mean(self.percent)) / 100, float(np.mean(self.damping_percent)) / 100
+
     def poles_in(self, run: str, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Poles in the state of a run."""
         if not self.applied or run not in self.run:

@@ -116,7 +116,8 @@ def as_seen(
     """
     size = np.array([mode.frequency_hz, mode.damping_ratio])
     width = mode.damping_ratio * np.array([mode.frequency_hz, 1.0])
-    floor = (size * drift.unsteadiness(mode.frequency_hz)) ** 2 + (mixed * width * _IMPURE) ** 2
+    floor = (size * drift.unsteadiness(mode.frequency_hz)) ** 2 + (size * drift.left_out) ** 2
+    floor += (mixed * width * _IMPURE) ** 2
     if ring is None or ring.pair is None:
         own = covariance + np.diag(floor + between**2)
         return [_with_std(mode, own)], own
