@@ -73,7 +73,7 @@ class JointFit:
 
 @dataclass(frozen=True, eq=False)
 class _Linear:
-    """What is linear at some parameters: mixing and gains, as in `PairProblem` times the amplitude."""
+    """What is linear: mixing and gains, as in `PairProblem` times the amplitude."""
 
     left: Complex  # weighted residuals
     orthonormal: Complex
