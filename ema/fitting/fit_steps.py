@@ -38,6 +38,8 @@ _FLOOR = np.array([1e-5, 2e-4])
 # What an uneven tyre mixes into a mode from other orders, an amplitude, moves the members of its
 # pair by this share of it, in half-widths and in damping ratios: benchmarks/laboratory.py.
 _MIXED = np.array([0.15, 0.7])
+# The same where several forces drive both members: benchmarks/references.py, "lab".
+_MIXED_JOINTLY = 0.02
 # The same for the mean of a pair, by the share of the power in other orders.
 _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
@@ -123,7 +125,7 @@ def as_seen(
         return [_with_std(mode, own)], own
     pair = ring.pair
     floor += (_FLOOR * size) ** 2 + (size * drift.std_of_mean) ** 2
-    of_member = floor + mixed * (width * _MIXED) ** 2
+    of_member = floor + mixed * (width * (_MIXED_JOINTLY if ring.jointly else _MIXED)) ** 2
     if not ring.is_resolved:
         member = ring.one_row
         at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)

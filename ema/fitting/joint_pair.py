@@ -308,30 +308,21 @@ class JointProblem:
         return np.asarray(inner / np.outer(size, size))
 
     def _of_force(self, x: Real, covariance: Real, force: int, amplitude: complex) -> PairFit:
-        """The pair as one force's FRFs show it."""
-        problem = self.problems[force]
+        """The pair as one force's FRFs show it.
 
-        here, own = self.of_force(x, force), self.to_force[force]
-        step = 1e-3 * np.sqrt(np.diag(own.T @ covariance @ own))
-        ends = [problem.numbers(here + h) - problem.numbers(here - h) for h in np.diag(step)]
-        slope = (np.array(ends) / (2 * step[:, None])).T @ own.T
-        spread = slope @ covariance @ slope.T + np.diag(self._of_direction(x, covariance, force))
+        Members whose split is no larger than its ± are far from linear in the parameters: what a
+        step of one σ to either side changes, and how unequally, is their covariance.
+        """
+        problem, own = self.problems[force], self.to_force[force]
+        here = self.of_force(x, force)
+        variance, axes = np.linalg.eigh(own.T @ covariance @ own)
+        steps = (axes * np.sqrt(np.maximum(variance, 0.0))).T
+        ahead, behind = (
+            np.array([problem.numbers(here + sign * step) for step in steps]) for sign in (1, -1)
+        )
+        slope, bend = (ahead - behind) / 2, (ahead + behind) / 2 - problem.numbers(here)
+        spread = slope.T @ slope + bend.T @ bend
         pair = problem.pair_of(here, spread, amplitude, problem.scale)
         apart = np.hypot(*x[[2, 3]])
         turned = np.sqrt(np.trace(covariance[2:4, 2:4]) / 2) / (2 * apart)
         return replace(pair, turned_std_rad=float(min(turned, np.pi / np.sqrt(12))))
-
-    def _of_direction(self, x: Real, covariance: Real, force: int) -> Real:
-        """Variance from a split that is no larger than its ±: it is never seen below zero.
-
-        The distance of two estimates from each other is on average larger than the true one, by
-        σ²/2d, and by no more than σ.
-        """
-        problem = self.problems[force]
-        hz = abs(problem.numbers(self.of_force(x, force))[4])
-        variance = np.zeros(6)
-        for column, size, first in ((0, hz, 2), (1, problem.ratio, 4)):
-            std = np.sqrt(np.trace(covariance[first : first + 2, first : first + 2]) / 2)
-            apart = np.hypot(*x[first : first + 2])
-            variance[[column, column + 2]] = (size * min(std**2 / (2 * apart), std)) ** 2
-        return variance

@@ -149,6 +149,8 @@ def test_a_drift_that_was_not_applied_moves_nothing():
     np.testing.assert_array_equal(seen.poles_in("b", poles), poles)
     moved = replace(seen, applied=True).poles_in("b", poles)
     np.testing.assert_allclose(moved, 1.001 * poles)
+    assert seen.left_out == pytest.approx((0.0005, 0.0))  # the mean of both runs is stated
+    assert replace(seen, applied=True).left_out == (0.0, 0.0)
 
 
 def drift_of(percent, damping_percent):
