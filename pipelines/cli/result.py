@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from ema.core.display import band_text, counted, value_with_std
 from ema.core.errors import InputError
 from ema.core.modes import Chosen
+from ema.io.uff.reader import SYNTHESISED
 from model import TuningResult
 from model.adequacy import State
 from model.parameters import DAMPING_NAMES, RING_NAMES
@@ -16,7 +17,7 @@ from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, echo_error, print_json
-from pipelines.export.data import MEASURED, SYNTHESISED, require_excel
+from pipelines.export.data import MEASURED, require_excel
 from pipelines.export.modal import export as write
 from pipelines.process.ring import retune
 from pipelines.process.run import process as run
