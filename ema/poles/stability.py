@@ -42,8 +42,9 @@ from collections.abc import Sequence
 from ema.core.errors import FitError
 from ema.core.modes import ModalModel, Mode, Pair
 
-#: Pole estimators.
-METHODS = ("lsce", "plscf")
+#: Pole estimators, and how they are written.
+METHOD_NAMES = {"lsce": "LSCE", "plscf": "p-LSCF"}
+METHODS = tuple(METHOD_NAMES)
 _MOST_ORDERS = 1000  # far above any use; time and memory grow with its square
 OTHER = {"lsce": "plscf", "plscf": "lsce"}
 

@@ -9,6 +9,7 @@ import numpy as np
 from ema.core.display import DASH, counted, number, value_with_std
 from ema.core.mac import auto_mac
 from ema.core.modes import ModalModel, Mode
+from ema.poles.stability import METHOD_NAMES
 from pipelines.plots.chart import Chart, packed
 from pipelines.plots.modes import (
     drive_chart,
@@ -187,7 +188,7 @@ def _orders(model: ModalModel) -> tuple[Block, ...]:
 def _cross_check(result: Result) -> tuple[Block, ...]:
     if not result.opinions:
         return ()
-    name = {"plscf": "p-LSCF", "lsce": "LSCE"}[result.opinions[0].method]
+    name = METHOD_NAMES[result.opinions[0].method]
     apart = [opinion for opinion in result.opinions if not opinion.agrees]
     disputed = sum(np.isfinite(each.mode_hz) for each in apart)
     if not apart:

@@ -125,7 +125,7 @@ def _mode(row: ModeRow) -> dict[str, Any]:
 
 def _in_words(mode: Mode) -> str:
     frequency = value_with_std(mode.frequency_hz, mode.frequency_std_hz)
-    return f"{frequency} Hz, {100 * mode.damping_ratio:.3g} %"
+    return f"{frequency} Hz, {100 * mode.damping_ratio:#.3g} %"
 
 
 def _warnings(sight: Sight) -> Iterator[str]:
@@ -138,7 +138,7 @@ def _warnings(sight: Sight) -> Iterator[str]:
     for row in sight.modes:
         if abs(row.shift_in_std()[0]) > _FAR_SIGMA:
             shift = row.shift_in_std()[0]
-            yield f"{row.name} moved by {shift:+.0f} σ against the automatic result."
+            yield f"{row.called} moved by {shift:+.0f} σ against the automatic result."
     yield from _without_reason(sight)
 
 

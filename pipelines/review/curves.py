@@ -17,6 +17,7 @@ from ema.core.frf import FRF
 from ema.core.mac import mac
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
+from ema.poles.stability import METHOD_NAMES
 from ema.signals.leakage import force_density
 from pipelines.plots.modes import forces
 from pipelines.results.tables import in_band
@@ -207,7 +208,7 @@ def _second_opinion(mode: Mode, sight: Sight) -> Iterator[Line]:
     for each in sight.opinions:
         if not np.isfinite(each.mode_hz) or abs(each.mode_hz / mode.frequency_hz - 1) > 1e-6:
             continue
-        method = each.method.upper()
+        method = METHOD_NAMES[each.method]
         if not np.isfinite(each.frequency_hz):
             yield Line(f"{method} finds", "nothing there", True)
         else:

@@ -24,6 +24,7 @@ from ema.core.modes import ModalModel, Mode, Pair
 from ema.io.campaign.manifest import MANIFEST_NAME, read_manifest
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import is_recording
+from ema.poles.stability import METHOD_NAMES
 from pipelines.batch.state import BatchFolder, Record, read_record
 from pipelines.compare.compare import common_shapes
 from pipelines.compare.modes import match_modes, seen_by
@@ -166,7 +167,7 @@ def _doubts(
     seen = [each for each in stored["opinions"] if each["mode_hz"] is not None]
     apart = sum(not each["agrees"] for each in seen if isfinite(float(each["mode_hz"])))
     if apart:
-        yield f"{seen[0]['method'].upper()} disagrees on {counted(apart, 'mode')}"
+        yield f"{METHOD_NAMES[seen[0]['method']]} disagrees on {counted(apart, 'mode')}"
     if misfit > _CHI_SQUARE:
         yield f"χ² {misfit:.3g}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ema.checks.corrections import Correction, kept_rows
 from ema.core.display import band_text, jsonable
-from ema.core.edits import Edit, EditKind, PoleName, of_kind
+from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Finding, Verdict
 from ema.core.frf import FRF
@@ -23,7 +24,7 @@ from pipelines.results.result import DrivenMode, Result, driven_modes, edit_reco
 from pipelines.review.session import Session
 
 _SAME_MODE = 0.05  # farther from each other, relative to their frequency, poles are different modes
-_SAME_POLE = 1e-6  # relative distance of a name to the pole it was taken from
+_SAME_POLE = 1e-3  # relative distance of a name to the pole that later edits made of its own
 #: Settings whose change reads the recordings again.
 REREADS = ("window", "block_seconds", "overlap", "averages")
 _VERBS = {
@@ -65,6 +66,11 @@ class ModeRow:
     def name(self) -> str:
         """Order and member."""
         return mode_label(self.mode)
+
+    @property
+    def called(self) -> str:
+        """Its name in a sentence: the frequency where no order is known."""
+        return self.name if self.mode.order is not None else f"{self.mode.frequency_hz:.2f} Hz"
 
     def shift_in_std(self) -> tuple[float, float]:
         """Changes of frequency and damping against the automatic mode in its σ."""
@@ -226,16 +232,18 @@ class Sight:
             for k, mode in enumerate(now)
         ]
         left = set(range(len(before))) - set(twins.values())
-        rows += [ModeRow(before[k], False, self._why_gone(before[k]), before[k]) for k in left]
+        gone = [before[k] for k in left]
+        rows += [ModeRow(mode, False, self._why_gone(mode, gone), mode) for mode in gone]
         return sorted(rows, key=lambda row: row.mode.frequency_hz)
 
     def mode_named(self, key: str) -> ModeRow | None:
         """The mode of a key."""
         return next((row for row in self.modes if row.key == key), None)
 
-    def _why_gone(self, mode: Mode) -> str:
+    def _why_gone(self, mode: Mode, gone: Sequence[Mode]) -> str:
+        """Why an automatic mode is not listed; names are of poles as they were when edited."""
         aside = of_kind(self.session.edits, EditKind.SET_ASIDE)
-        named = any(each.pole is not None and _is_name_of(each.pole, mode) for each in aside)
+        named = any(_named_by(each, gone) is mode for each in aside)
         only = of_kind(self.session.edits, EditKind.ONLY_KEPT)
         if named or only:
             return "set aside"
@@ -248,8 +256,13 @@ def mode_label(mode: Mode) -> str:
     return "–" if mode.order is None else f"{mode.order}{mode.member}"
 
 
-def _is_name_of(name: PoleName, mode: Mode) -> bool:
-    return abs(name.frequency_hz / mode.frequency_hz - 1) < _SAME_POLE
+def _named_by(edit: Edit, modes: Sequence[Mode]) -> Mode | None:
+    """The mode nearest to the pole of an edit, None where none is that near."""
+    if edit.pole is None:
+        return None
+    wanted = edit.pole.frequency_hz
+    near = min(modes, key=lambda mode: abs(mode.frequency_hz - wanted), default=None)
+    return near if near and abs(near.frequency_hz / wanted - 1) < _SAME_POLE else None
 
 
 def _twins(now: tuple[Mode, ...], before: tuple[Mode, ...]) -> dict[int, int]:
@@ -292,6 +305,7 @@ def state(sight: Sight) -> dict[str, Any]:
         "drift": _drift(sight),
         "excitation_deg": result.excitation_deg,
         "has_force": any(each.measured.forces for each in sight.of_forces),
+        "averaged": sight.measured.blocks is not None,  # from recordings
         "on_circle": bool(np.all(np.isfinite(sight.measured.position_deg))),
     }
 
@@ -353,12 +367,8 @@ def _named_mode(edit: Edit, sight: Sight) -> str:
     """Name of the mode nearest to the pole of an edit, empty where none is that near."""
     if edit.pole is None or edit.pole.model_order is not None:
         return ""
-    wanted = edit.pole.frequency_hz
-    modes = [*sight.automatic.modes, *sight.model.modes]
-    near = min(modes, key=lambda mode: abs(mode.frequency_hz - wanted), default=None)
-    if near is None or abs(near.frequency_hz / wanted - 1) > 1e-3 or near.order is None:
-        return ""
-    return mode_label(near)
+    near = _named_by(edit, [*sight.automatic.modes, *sight.model.modes])
+    return "" if near is None or near.order is None else mode_label(near)
 
 
 def _mode(row: ModeRow) -> dict[str, Any]:

@@ -19,7 +19,9 @@ from ema.core.errors import FitError, InputError
 from ema.core.files import resolve
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, TYRE_BAND_HZ
+from ema.core.recording import Channel
 from ema.core.references import frfs_of
+from ema.core.units import SI_UNIT
 from ema.io.campaign.manifest import MANIFEST_NAME, RunSection, read_manifest
 from ema.io.campaign.read import recordings_in
 from ema.io.formats import read_headers
@@ -195,20 +197,30 @@ def _of_channels(campaign: Campaign, frf: FRF, band_hz: tuple[float, float]) -> 
 
 def _numbers(
     campaign: Campaign, frf: FRF, run: str, band_hz: tuple[float, float]
-) -> dict[str, float | None]:
+) -> dict[str, Any]:
     rows = np.array([run in each.split("+") for each in frf.run])
     lines = in_band(frf.frequency_hz, band_hz)
     recording = next(each for each in campaign.runs if each.name == run)
     coherence = frf.coherence[rows][:, lines]
+    forces = [each.channel for each in recording.forces] or [recording.force]
+    levels = [_rms(each.channel) for each in recording.responses]
     good_hz = frf.rows(rows).coherent_band_hz() if rows.any() else (np.nan, np.nan)
     return {
         "seconds": recording.recording.duration_s,
+        "force_n": [_rms(each) for each in forces],
+        "sensors": [min(levels), max(levels)],
+        "unit": SI_UNIT.get(recording.responses[0].channel.quantity, "").replace("^2", "²"),
         "coherence": float(np.nanmedian(coherence)) if np.isfinite(coherence).any() else None,
         "coherent_from_hz": good_hz[0],
         "coherent_to_hz": good_hz[1],
         "clipped": float(frf.clipped[rows].max(initial=0.0)),
         "reference_drift_percent": _drift_percent(frf.reference, run, band_hz),
     }
+
+
+def _rms(channel: Channel) -> float:
+    """Of a whole recording, without its mean, in SI."""
+    return float(np.nanstd(channel.block(0, channel.n_samples)))
 
 
 def _drift_percent(reference: FRF | None, run: str, band_hz: tuple[float, float]) -> float | None:
@@ -242,9 +254,7 @@ def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
             return "warning", f"Measure run {number} ({run.name}) again: {run.error}"
         if run.faults:
             fault = run.faults[0]
-            where = f" {fault.channel}" if fault.channel else ""
-            why = f"{fault.check}{where}, {fault.detail}"
-            return "warning", f"Repeat run {number} ({run.name}), because: {why}"
+            return "warning", f"Repeat run {number} ({run.name}), because: {_in_words(fault)}"
     for number, run in enumerate(seen, 1):
         if run.state == "being written":
             return "wait", f"Run {number} ({run.name}) is being written."
@@ -258,13 +268,32 @@ def advice(runs: Expected, seen: Sequence[RunSeen]) -> tuple[str, str]:
     return "ok", f"{started} in order. Turn the sensors for the next one. {_PLACES}"
 
 
+def _in_words(finding: Finding) -> str:
+    what = dict.fromkeys(filter(None, (finding.check.value, finding.channel)))  # may be the same
+    return f"{' '.join(what)}: {finding.detail}"
+
+
 def _turn(runs: Expected, name: str) -> str:
-    """Where the sensors go for a run of the manifest."""
-    section = runs.sections.get(name)
-    places = {} if section is None else dict(section.positions_deg or {})
-    fixed = None if section is None else section.reference
-    moved = [f"{sensor} at {angle:g}°" for sensor, angle in places.items() if sensor != fixed]
-    return f"Turn the sensors: {', '.join(moved)}." if moved else ""
+    """Where the sensors go for a run of the manifest, and by how much they are turned for it."""
+    names = list(runs.sections)
+    places = _moved(runs.sections.get(name))
+    if not places:
+        return ""
+    at = names.index(name)
+    before = _moved(runs.sections[names[at - 1]]) if at else {}
+    steps = {round((places[each] - before[each]) % 360, 6) for each in places if each in before}
+    listed = ", ".join(f"{sensor} at {angle:g}°" for sensor, angle in places.items())
+    if before.keys() == places.keys() and len(steps) == 1 and 0 not in steps:
+        return f"Turn the sensors by {(steps.pop() + 180) % 360 - 180:+g}°: {listed}."
+    return f"Turn the sensors: {listed}."
+
+
+def _moved(section: RunSection | None) -> dict[str, float]:
+    """Angles of the sensors that do not stay where they are."""
+    if section is None:
+        return {}
+    places = dict(section.positions_deg or {})
+    return {name: angle for name, angle in places.items() if name != section.reference}
 
 
 def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
@@ -272,7 +301,7 @@ def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
     verdict, text = advice(runs, seen)
     lines = {
         run.name: [
-            {"text": f"{each.check} {each.channel}: {each.detail}", "verdict": each.verdict.value}
+            {"text": _in_words(each), "verdict": each.verdict.value}
             for each in run.lines
             if each.verdict is not Verdict.OK
         ]
@@ -285,6 +314,7 @@ def as_record(runs: Expected, seen: Sequence[RunSeen]) -> dict[str, Any]:
         "runs": [
             {
                 **{"run": run.name, "state": run.state, "error": run.error},
+                "repeat": bool(run.faults),
                 **{"lines": lines[run.name], **run.content},
             }
             for run in seen

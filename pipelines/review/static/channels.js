@@ -1,5 +1,5 @@
 // The channels: how well the fit agrees with each (FRAC), and what can be done with it.
-import { ask, button, el, find, fixed, key, numberField, refill } from "./dom.js";
+import { ask, button, el, find, fixed, follow, key, numberField, refill } from "./dom.js";
 
 const POOR_FRAC = 0.9; // worth a look
 
@@ -13,6 +13,13 @@ function verdict({ used, sign, gain, frac }) {
 /** A file name without its ending. */
 export const stem = (name) => name.replace(/\.[^.]+$/, "") || name;
 
+/** With how many letters all names begin. */
+function sharedStart([first = "", ...others]) {
+  let n = 0;
+  while (others.length && n < first.length && others.every((name) => name[n] === first[n])) n += 1;
+  return n;
+}
+
 /** Multiply a channel: calibration or gain that was set wrongly. */
 export function scale(bench, channel) {
   const now = channel.gain === 1 ? "" : ` It is multiplied with ${fixed(channel.gain, 4)} now.`;
@@ -24,20 +31,20 @@ export const outOrIn = (bench, channel) => bench.onChannel(channel.used ? "chann
 
 export function mount(host, bench) {
   const bar = find(".bar", host), list = find(".list", host);
-  let poorestFirst = false;
+  let poorestFirst = false, common = 0; // letters with which the names of all runs begin
 
   function line(channel) {
     const { row, position_deg: at, node, run, channel: name, used, frac } = channel;
     const place = at === null ? `node ${node}` : `${fixed(at, at % 1 ? 1 : 0)}°`, who = `${name} ${stem(run)}`;
-    const chosen = row === bench.view.row;
+    const chosen = row === bench.view.row, tabIndex = chosen ? 0 : -1; // the others: arrow keys
     const doubt = !used || frac < POOR_FRAC || channel.sign < 0 || channel.gain !== 1;
     return el("li", { className: [chosen && "chosen", !used && "aside"].filter(Boolean).join(" ") },
-      button([el("span", { className: "at" }, place), ` ${who}`], () => bench.look({ row }), {
-        className: "name", "aria-pressed": String(chosen), "data-focus": `row ${row}`, title: channel.why || who,
+      button([el("span", { className: "at" }, place), ` ${name} `, el("span", { className: "common" }, stem(run).slice(0, common)), stem(run).slice(common)], () => bench.look({ row }), {
+        className: "name", tabIndex, "aria-pressed": String(chosen), "data-focus": `row ${row}`, title: channel.why || who,
       }),
       el("span", { className: doubt ? "moved" : "" }, verdict(channel)),
-      button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
-      button("±", () => bench.onChannel("flip", channel), { className: "small", label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }),
+      button(used ? "×" : "+", () => outOrIn(bench, channel), { className: "small", tabIndex, label: `${used ? "Leave out" : "Use"} ${who}`, "data-focus": `out ${row}` }),
+      button("±", () => bench.onChannel("flip", channel), { className: "small", tabIndex, label: `Flip the sign of ${who}`, "data-focus": `flip ${row}` }),
       chosen && el("span", { className: "more" }, button(["Gain… ", key("G")], () => scale(bench, channel), { className: "small", title: `Gain of ${who}`, "data-focus": `gain ${row}` }),
         bench.forces.length ? button(used ? "× all" : "+ all", () => bench.everywhere(used ? "channel_out" : "channel_in", channel), {
           className: "small", label: `${used ? "Leave out" : "Use"} ${name} in all runs, against all forces`, "data-focus": `all ${row}`,
@@ -48,9 +55,10 @@ export function mount(host, bench) {
     const channels = poorestFirst ? bench.around.sort((a, b) => (a.frac ?? -1) - (b.frac ?? -1)) : bench.around;
     const out = channels.filter((channel) => !channel.used).length;
     const runs = [...new Set(channels.map((channel) => channel.run))];
+    common = sharedStart(runs.map(stem));
     const runOut = el("select", { className: "small", "aria-label": "Leave out a whole run", "data-focus": "run out", onchange: () => {
       if (runOut.value) bench.edit({ kind: "run_out", run: runOut.value });
-    } }, el("option", { value: "" }, "run…"), runs.map((run) => el("option", { value: run }, stem(run))));
+    } }, el("option", { value: "" }, "run"), runs.map((run) => el("option", { value: run }, stem(run))));
     refill(bar, el("h2", {}, `Channels ${channels.length - out}${out ? `/${channels.length}` : ""}`), el("span", { className: "grow" }),
       runs.length > 1 ? runOut : null,
       button("FRAC", () => {
@@ -59,6 +67,7 @@ export function mount(host, bench) {
       }, { className: "small", "aria-pressed": String(poorestFirst), label: "FRAC: poorest first", "data-focus": "sort" }));
     refill(list, channels.map(line));
     list.querySelector(".chosen")?.scrollIntoView({ block: "nearest" });
+    follow(list, ".chosen", bench.view.row);
   }
 
   bench.watch(["state", "row"], draw);

@@ -4,14 +4,15 @@ import { colour, el, onScheme } from "./dom.js";
 const LEFT = 54, RIGHT = 10, TOP = 8, BOTTOM = 36, BOTTOM_BARE = 20; // px; bare: without a label
 const DRAGGED_PX = 4; // less is a click
 const WHEEL = 1.25; // change of range per step
+const NAME_PX = 11; // height of a name beside a curve
 const FONT = '11px system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
 
 /** Round values between two limits, about `count` of them. */
-export function ticks(low, high, count) {
+export function ticks(low, high, count, whole = false) {
   const rough = (high - low) / Math.max(1, count);
   if (!(rough > 0)) return { values: [], decimals: 0 };
   const power = 10 ** Math.floor(Math.log10(rough));
-  const step = power * ([1, 2, 5].find((each) => each * power >= rough) ?? 10);
+  const round = power * ([1, 2, 5].find((each) => each * power >= rough) ?? 10), step = whole ? Math.max(1, round) : round;
   const first = Math.ceil(low / step - 1e-9);
   const n = Math.floor(high / step + 1e-9) - first + 1;
   const values = Array.from({ length: Math.max(0, n) }, (_, k) => (first + k) * step);
@@ -130,7 +131,7 @@ export class Chart {
     pen.fillStyle = colour("--soft");
     pen.textBaseline = "top";
     pen.textAlign = "center";
-    const across = ticks(this.x.min, this.x.max, inner.width / 70);
+    const across = ticks(this.x.min, this.x.max, inner.width / 70, this.x.whole);
     for (const value of across.values) {
       const at = Math.round(this.toX(value)) + 0.5;
       stroke(pen, at, inner.top, at, bottom);
@@ -249,6 +250,41 @@ export function dots(xs, ys, filled, size = 2.5) {
     pen.fillStyle = filled;
     for (let k = 0; k < xs.length; k += 1) {
       pen.fillRect(chart.toX(xs[k]) - size / 2, chart.toY(ys[k]) - size / 2, size, size);
+    }
+  };
+}
+
+/** A layer: a name beside each of several places, moved apart where they would lie on each other. */
+export function namesBeside(places) {
+  return (pen, chart) => {
+    const { top, height } = chart.inner, sorted = places.filter(({ y }) => Number.isFinite(y)).sort((a, b) => b.y - a.y);
+    const apart = Math.min(NAME_PX, height / Math.max(1, sorted.length)), at = sorted.map(({ y }) => chart.toY(y));
+    for (let k = 0; k < at.length; k += 1) at[k] = Math.max(at[k], k ? at[k - 1] + apart : top + apart / 2);
+    for (let k = at.length - 1; k >= 0; k -= 1) at[k] = Math.min(at[k], k + 1 < at.length ? at[k + 1] - apart : top + height - apart / 2);
+    pen.font = FONT;
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    pen.lineWidth = 0.5;
+    sorted.forEach(({ x, y, name, stroked }, k) => {
+      const from = chart.toX(x);
+      pen.strokeStyle = pen.fillStyle = stroked;
+      stroke(pen, from + 3, chart.toY(y), from + 13, at[k]);
+      pen.strokeStyle = colour("--paper"); // legible over other curves
+      pen.lineWidth = 3;
+      pen.strokeText(name, from + 15, at[k]);
+      pen.fillText(name, from + 15, at[k]);
+      pen.lineWidth = 0.5;
+    });
+  };
+}
+
+/** A layer: standard deviations, as lines through points. */
+export function deviations(xs, ys, stds, stroked) {
+  return (pen, chart) => {
+    pen.strokeStyle = stroked;
+    pen.lineWidth = 1;
+    for (let k = 0; k < xs.length; k += 1) {
+      if (Number.isFinite(ys[k]) && Number.isFinite(stds[k])) stroke(pen, chart.toX(xs[k]), chart.toY(ys[k] - stds[k]), chart.toX(xs[k]), chart.toY(ys[k] + stds[k]));
     }
   };
 }

@@ -1,11 +1,15 @@
 // Several results beside each other: their modes, how these move with pressure, load, temperature
 // or time, and their FRFs at one position.
-import { Chart, limits, line } from "./chart.js";
+import { Chart, deviations, dots, limits, line, namesBeside } from "./chart.js";
 import { colour, complain, el, find, fixed, orderColour, percent, refill, short, signed } from "./dom.js";
 import { arrays, get } from "./server.js";
 
 const ids = new URLSearchParams(location.search).get("ids") ?? "";
 const ink = (k) => colour(`--series-${(k % 7) + 1}`);
+// Results differ in their lines too, not in colour alone: on the canvas and in the legend.
+const DASHES = [["solid", []], ["dashed", [7, 4]], ["dotted", [2, 3]]];
+const dashed = (k) => DASHES[k % DASHES.length];
+const NAMES_SHARE = 0.1; // of the width, for the names of modes
 
 function choice(label, options, chosen, change) {
   const select = el("select", { onchange: () => change(select.value) }, options.map(([value, text]) => el("option", { value, selected: value === chosen }, text)));
@@ -23,7 +27,7 @@ function modesTable({ results, tracks }) {
   });
   return el("section", { "aria-label": "Modes" }, el("h2", {}, "Modes"), el("div", { className: "scroll", tabIndex: 0, role: "region", "aria-label": "Table of modes" }, el("table", {},
     el("thead", {},
-      el("tr", {}, el("td"), results.map(({ name, condition }) => el("th", { scope: "colgroup", colSpan: 2 }, [name, condition].filter(Boolean).join(", ")))),
+      el("tr", {}, el("td"), results.map(({ name, condition }) => el("th", { scope: "colgroup", colSpan: 2, className: "result" }, name, condition && el("div", { className: "soft" }, condition)))),
       el("tr", {}, el("th", { scope: "col" }, "mode"), results.flatMap(() => [el("th", { scope: "col" }, "f / Hz"), el("th", { scope: "col" }, "ζ / %")]))),
     el("tbody", {}, tracks.map(({ name, points }) => el("tr", {}, el("th", { scope: "row" }, name), cells(points)))))));
 }
@@ -34,32 +38,36 @@ function tracking({ tracks, axes, results }) {
   const kinds = { change: "frequency, change", frequency_hz: "frequency", damping_ratio: "damping" };
   const told = axes.filter(({ values }) => new Set(values).size > 1);
   const view = { axis: told[0]?.name ?? "", kind: "change" };
-  const places = () => told.find(({ name }) => name === view.axis) ?? { name: "result", unit: "", values: results.map((_, k) => k + 1) };
+  const places = () => told.find(({ name }) => name === view.axis) ?? { name: "result, as in the table", unit: "", values: results.map((_, k) => k + 1), whole: true };
   const value = (point, first) => {
     if (!point) return NaN;
     if (view.kind === "change") return first ? 100 * (point.frequency_hz / first.frequency_hz - 1) : NaN;
     return view.kind === "damping_ratio" ? 100 * point.damping_ratio : point.frequency_hz;
   };
+  const std = (point, first) => {
+    if (!point) return NaN;
+    if (view.kind === "damping_ratio") return 100 * (point.damping_std ?? NaN);
+    return (point.frequency_std_hz ?? NaN) * (view.kind === "change" ? 100 / first?.frequency_hz : 1);
+  };
   const chart = new Chart(plot, { label: "Modes over the condition; the numbers are in the table", compose });
 
   function compose() {
-    const { name, unit, values } = places(), order = Array.from(values.keys()).sort((a, b) => values[a] - values[b]);
+    const { name, unit, values, whole = false } = places(), order = Array.from(values.keys()).sort((a, b) => values[a] - values[b]);
     const xs = order.map((k) => values[k]);
-    const curves = tracks.map((track) => ({ track, ys: order.map((k) => value(track.points[k], track.points[order[0]])) }));
-    const [left, right] = limits(xs, [xs], [-Infinity, Infinity]), [low, high] = limits(xs, curves.map(({ ys }) => ys), [-Infinity, Infinity]);
-    chart.x = { label: `${name}${unit ? ` / ${unit}` : ""}`, min: left, max: right };
+    const curves = tracks.map(({ name: mode, order: n, points }) => {
+      const of = (what) => order.map((k) => what(points[k], points[order[0]]));
+      const ys = of(value), last = ys.findLastIndex(Number.isFinite), stroked = orderColour(n);
+      return { ys, stds: of(std), stroked, dash: mode.endsWith("b") ? DASHES[1][1] : [], end: { x: xs[last], y: ys[last], name: mode, stroked } };
+    });
+    const [left, right] = limits(xs, [xs], [-Infinity, Infinity]), ends = (sign) => curves.map(({ ys, stds }) => ys.map((y, k) => y + sign * (stds[k] || 0)));
+    const [low, high] = limits(xs, [...ends(-1), ...ends(1)], [-Infinity, Infinity]);
+    chart.x = { label: `${name}${unit ? ` / ${unit}` : ""}`, min: left, max: right + NAMES_SHARE * (right - left), whole };
     chart.y = { label: { change: "Δf / %", frequency_hz: "f / Hz", damping_ratio: "ζ / %" }[view.kind], min: low, max: high };
-    return curves.flatMap(({ track, ys }) => [line(xs, ys, orderColour(track.order), 1.4), names(track, xs, ys)]);
+    return [
+      ...curves.flatMap(({ ys, stds, stroked, dash }) => [line(xs, ys, stroked, 1.4, dash), deviations(xs, ys, stds, stroked), dots(xs, ys, stroked, 4)]),
+      namesBeside(curves.map(({ end }) => end)),
+    ];
   }
-
-  const names = ({ name, order }, xs, ys) => (pen) => {
-    const last = ys.findLastIndex(Number.isFinite);
-    pen.fillStyle = orderColour(order);
-    for (let k = 0; k < xs.length; k += 1) pen.fillRect(chart.toX(xs[k]) - 2, chart.toY(ys[k]) - 2, 4, 4);
-    pen.textAlign = "right";
-    pen.textBaseline = "bottom";
-    if (last >= 0) pen.fillText(name, chart.toX(xs[last]) - 5, chart.toY(ys[last]) - 1);
-  };
 
   const change = (changes) => {
     Object.assign(view, changes);
@@ -85,12 +93,12 @@ function frfs({ results }) {
 
   function compose() {
     if (!found) return [];
-    const curves = results.map((_, k) => ({ xs: found[`frequency_hz_${k}`], ys: size(k) })).map((curve, k) => ({ ...curve, stroked: ink(k) })).filter(({ xs }) => xs.length);
+    const curves = results.map((_, k) => ({ xs: found[`frequency_hz_${k}`], ys: size(k) })).map((curve, k) => ({ ...curve, stroked: ink(k), dash: dashed(k)[1] })).filter(({ xs }) => xs.length);
     const ends = curves.flatMap(({ xs }) => [xs[0], xs[xs.length - 1]]), whole = [Math.min(...ends), Math.max(...ends)];
     const [min, max] = range ?? whole, levels = curves.map(({ xs, ys }) => limits(xs, [ys], [min, max], true));
     chart.x = { label: "Frequency / Hz", min, max };
     chart.y = { label: "|H| / ((m/s²)/N)", min: Math.min(...levels.map(([low]) => low)), max: Math.max(...levels.map(([, high]) => high)), log: true };
-    return curves.map(({ xs, ys, stroked }) => line(xs, ys, stroked, 1.3));
+    return curves.map(({ xs, ys, stroked, dash }) => line(xs, ys, stroked, 1.3, dash));
   }
 
   async function read() {
@@ -102,7 +110,7 @@ function frfs({ results }) {
     }
     refill(legend, results.map(({ name }, k) => {
       const mark = el("span", { className: "mark" }), place = found.rows?.[k]?.position_deg;
-      mark.style.background = ink(k);
+      mark.style.borderTop = `3px ${dashed(k)[0]} ${ink(k)}`;
       return el("span", {}, mark, `${name}${place === undefined || place === null ? "" : ` ${short(place)}°`} `);
     }));
     chart.draw();

@@ -1,6 +1,6 @@
 // The curves of one position: FRF with its fit and what the fit leaves, and the other tabs.
 import { stem } from "./channels.js";
-import { Chart, dots, limits, line, verticals } from "./chart.js";
+import { Chart, dots, limits, line, namesBeside, verticals } from "./chart.js";
 import { perOrder } from "./diagram.js";
 import { button, colour, el, find, fixed, orderColour, refill } from "./dom.js";
 
@@ -9,7 +9,9 @@ export const TABS = [
   ["phase", "Phase"], ["force", "Force"],
 ];
 const OUTLIER_SIGMA = 3;
+const NEAR_PX = 9; // a point this near is meant
 const FREQUENCY = "Frequency / Hz";
+const NAMES_SHARE = 0.06; // of the width, for the names of orders
 
 export function tabsOf(bench) {
   return TABS.filter(([name]) => name !== "force" || bench.state.has_force);
@@ -46,6 +48,8 @@ export function mount(host, bench) {
     chart.x = { label: FREQUENCY, min, max };
   }
 
+  const unit = () => bench.data.frf?.unit ?? "(m/s²)/N";
+
   function modeLines() {
     return verticals(bench.modes.filter((mode) => mode.listed).map((mode) => ({
       x: mode.frequency_hz, stroked: orderColour(mode.order), width: mode === bench.mode ? 1.5 : 0.5,
@@ -72,7 +76,7 @@ export function mount(host, bench) {
       const { measured, fitted } = curves();
       const pairs = { measured: measured && size(measured), fitted: fitted && size(fitted) };
       const [min, max] = measured ? limits(measured.frequency_hz, [pairs.measured], bench.range, true) : [0.1, 1];
-      main.y = { label: `|H| / (${bench.data.frf?.unit ?? "(m/s²)/N"})`, min, max, log: true };
+      main.y = { label: `|H| / (${unit()})`, min, max, log: true };
       return [modeLines(), ...compared(pairs)];
     },
     phase() {
@@ -98,22 +102,22 @@ export function mount(host, bench) {
       if (!xs) return [];
       const drawn = which === "orders" ? perOrder(orders) : [{ ys: diagram[which], stroked: colour("--ring") }];
       const [min, max] = which === "nmif" ? [0, 1.05] : limits(xs, drawn.map(({ ys }) => ys), bench.range, true);
-      const label = { rms: "RMS of |H|", nmif: "NMIF", orders: "|H| per order" }[which];
+      const label = { rms: `RMS of |H| / (${unit()})`, nmif: "NMIF", orders: `|H| per order / (${unit()})` }[which];
       main.y = { label, min, max, log: which !== "nmif" };
-      return [modeLines(), ...drawn.map(({ ys, stroked }) => line(xs, ys, stroked, 1.3))];
+      const right = nearest(xs, bench.range[1] - NAMES_SHARE * (bench.range[1] - bench.range[0]));
+      const names = which === "orders" ? drawn.map(({ ys, stroked, order }) => ({ x: xs[right], y: ys[right], name: String(order), stroked })) : [];
+      return [modeLines(), ...drawn.map(({ ys, stroked }) => line(xs, ys, stroked, 1.3)), namesBeside(names)];
     },
     nyquist() {
-      const { measured, fitted } = curves(), { mode } = bench;
-      const half = mode ? 3 * mode.frequency_hz * Math.max(0.01, mode.damping_ratio) : 0;
-      const range = bench.view.zoom ?? (mode ? [mode.frequency_hz - half, mode.frequency_hz + half] : bench.range);
+      const { measured, fitted } = curves(), range = around();
       const points = [measured, fitted].filter(Boolean).map((curve) => within(curve, range));
       const span = (name) => {
         const all = points.flatMap((each) => each[name]);
         return limits(all, [all], [-Infinity, Infinity]);
       };
       const [left, right] = span("real"), [low, high] = span("imag");
-      main.x = { label: `Re H · ${fixed(range[0], 1)} to ${fixed(range[1], 1)} Hz`, min: left, max: right };
-      main.y = { label: "Im H", min: low, max: high };
+      main.x = { label: `Re H / (${unit()}), ${fixed(range[0], 1)} to ${fixed(range[1], 1)} Hz`, min: left, max: right };
+      main.y = { label: `Im H / (${unit()})`, min: low, max: high };
       const inks = [measured && "--measured", fitted && "--fitted"].filter(Boolean);
       return points.map(({ real, imag }, k) => (inks[k] === "--measured" ? dots(real, imag, colour(inks[k]), 3.5) : line(real, imag, colour(inks[k]), 1.5)));
     },
@@ -126,6 +130,20 @@ export function mount(host, bench) {
       return [line(force.frequency_hz, force.psd, colour("--ring"), 1.3)];
     },
   };
+
+  /** Frequencies of the circle that is shown: those zoomed to, or those around the mode. */
+  function around() {
+    const { mode } = bench, half = mode ? 3 * mode.frequency_hz * Math.max(0.01, mode.damping_ratio) : 0;
+    return bench.view.zoom ?? (mode ? [mode.frequency_hz - half, mode.frequency_hz + half] : bench.range);
+  }
+
+  /** The frequency of the measured point of the circle under the hand. */
+  function readCircle({ px, py }) {
+    const { measured: { frequency_hz: hz, real, imag } } = curves(), [low, high] = around();
+    const apart = (k) => Math.hypot(main.toX(real[k]) - px, main.toY(imag[k]) - py);
+    const [at] = Array.from(hz.keys()).filter((k) => hz[k] >= low && hz[k] <= high && apart(k) < NEAR_PX).sort((a, b) => apart(a) - apart(b));
+    main.hint(at === undefined ? null : `${fixed(hz[at], 2)} Hz`, px, py);
+  }
 
   /** What the fit leaves, in σ of the measured line; the grey band is what noise alone leaves. */
   function remainder() {
@@ -151,7 +169,8 @@ export function mount(host, bench) {
   /** Frequency and values under the hand. */
   function read(place) {
     const { measured, fitted } = curves();
-    if (!place || !measured || bench.view.tab === "nyquist") return main.hint(null);
+    if (!place || !measured) return main.hint(null);
+    if (bench.view.tab === "nyquist") return readCircle(place);
     const at = nearest(measured.frequency_hz, place.x), more = fitted ? nearest(fitted.frequency_hz, place.x) : -1;
     const said = [`${fixed(measured.frequency_hz[at], 2)} Hz`];
     if (bench.view.tab === "coherence") said.push(`coherence ${fixed(measured.coherence[at], 4)}`);
@@ -178,12 +197,13 @@ export function mount(host, bench) {
     refill(bar, tabs,
       el("span", { className: "grow" }),
       against,
-      button("←", () => step(bench, -1), { label: "Position before", "data-focus": "before" }),
-      el("output", { className: "position" }, `${place} ${channel.channel}`, el("span", {}, ` ${stem(channel.run)}, ${frac}`)),
-      button("→", () => step(bench, 1), { label: "Next position", "data-focus": "next" }));
+      el("span", { className: "steps" },
+        button("←", () => step(bench, -1), { label: "Position before", "data-focus": "before" }),
+        el("output", { className: "position" }, `${place} ${channel.channel}`, el("span", {}, ` ${stem(channel.run)}, ${frac}`)),
+        button("→", () => step(bench, 1), { label: "Next position", "data-focus": "next" })));
     legend.hidden = !["frf", "phase", "nyquist"].includes(tab);
     refill(legend, el("span", { className: "measured" }, "measured"), " ", el("span", { className: "fitted" }, bench.isPreview ? "fit, preview" : "fit"));
-    lower.hidden = tab !== "frf" || !channel.used;
+    lower.hidden = tab !== "frf" || !channel.used || bench.state.chi2 === null; // without σ there is no remainder in σ
     main.equal = tab === "nyquist";
     main.onZoom = tab === "nyquist" ? null : zoom;
     main.canvas.setAttribute("aria-label", `${tabsOf(bench).find(([name]) => name === tab)?.[1]} at ${place}, ${frac}`);

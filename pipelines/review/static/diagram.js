@@ -32,7 +32,7 @@ export function columns(bench) {
 export function named(column, bench) {
   const cluster = column.cluster === null ? null : bench.data.diagram.clusters[column.cluster];
   const { mode } = column;
-  const who = mode ? mode.name : "not a mode";
+  const who = !mode ? "not a mode" : mode.order === null ? "mode" : mode.name;
   const seen = cluster ? `${cluster.size} model orders` : "added as partner";
   return `${who}, ${fixed((mode ?? cluster).frequency_hz, 2)} Hz, ${seen}${mode && !mode.listed ? ", set aside" : ""}`;
 }
@@ -145,9 +145,9 @@ export function mount(host, bench) {
       pen.globalAlpha = 1;
       pen.textAlign = "left";
       const wide = pen.measureText(mode.name).width, share = { a: 0.8, b: 0.2 }[mode.member] ?? 0.5;
-      const left = Math.max(x - share * wide, ends[mode.listed] + 3);
+      const left = Math.min(Math.max(x - share * wide, ends[mode.listed] + 3), chart.inner.left + chart.inner.width - wide);
       ends[mode.listed] = left + wide;
-      pen.fillText(mode.name, left, top + (mode.listed ? 2 : 13));
+      if (mode.order !== null) pen.fillText(mode.name, left, top + (mode.listed ? 2 : 13));
     }
   }
 

@@ -14,7 +14,7 @@ export function el(tag, properties = {}, ...children) {
   return made;
 }
 
-export const find = (selector, within = document) => within.querySelector(selector);
+export const find = (selector, within = document) => within?.querySelector(selector) ?? null;
 
 /** Fill an element anew; what had the focus has it afterwards, by its `data-focus`. */
 export function refill(parent, ...children) {
@@ -25,6 +25,14 @@ export function refill(parent, ...children) {
   if (held === undefined) return;
   const again = [...parent.querySelectorAll("[data-focus]")].find((each) => each.dataset.focus === held);
   again?.focus({ preventScroll: true });
+}
+
+/** Where the focus is in a list whose chosen line was changed by a key, it goes to that line. */
+export function follow(list, chosen, now) {
+  const line = find(chosen, list), moved = list.chosenLine !== undefined && list.chosenLine !== now;
+  list.chosenLine = now;
+  const held = document.activeElement;
+  if (moved && held !== list && list.contains(held) && !line?.contains(held)) find("button", line)?.focus({ preventScroll: true });
 }
 
 /** A number with fixed decimals, a true minus sign, and a dash where it is unknown. */
@@ -44,6 +52,9 @@ export function short(value) {
 }
 
 export const percent = (ratio, decimals) => fixed(ratio === null ? null : 100 * ratio, decimals);
+
+/** What a mode is called in a sentence: its order and member, or its frequency where no order is known. */
+export const called = ({ order, name, frequency_hz: f }) => (order === null ? `${fixed(f, 2)} Hz` : name);
 
 /** A button; `label` is read out where the text is only a sign. */
 export function button(text, onclick, more = {}) {

@@ -25,7 +25,7 @@ export function mount(bench, { animate, tryOut, compare, sign }) {
     [["f"], "F", "flip the sign of the channel", () => channel((each) => bench.onChannel("flip", each))],
     [["g"], "G", "gain of the channel", () => channel((each) => scale(bench, each))],
     [["z"], "Z", "zoom to the mode, and back", () => toMode(bench)],
-    [["1", "2", "3", "4", "5", "6"], "1 – 5", "curves: FRF, indicator, Nyquist, coherence, phase", (name) => {
+    [["1", "2", "3", "4", "5", "6"], "1 – 6", "curves: FRF, indicator, Nyquist, coherence, phase, force", (name) => {
       const tab = tabsOf(bench)[Number(name) - 1];
       if (tab) bench.look({ tab: tab[0] });
     }],

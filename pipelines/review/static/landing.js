@@ -3,15 +3,19 @@
 import { button, complain, el, find, fixed, refill, say } from "./dom.js";
 import { get, listen, post } from "./server.js";
 
+const AGAIN_MS = 3000;
+const HIDDEN = ["tick", "open"]; // heads of columns that need none to be seen
+const ticked = new Set();
+let shown = "";
 const word = (...content) => el("td", { className: "word" }, content);
 const number = (text) => el("td", {}, text);
 const chip = (text, kind) => el("span", { className: `chip ${kind}` }, text);
 
-function section(title, heads, rows, empty) {
+function section(title, heads, rows, empty, act = null) {
   const words = new Set(["result", "tyre", "doubts", "reviewed", "campaign", "files", "manifest", "state", "library", "approved", "verdict"]);
   const table = el("table", {}, el("thead", {}, el("tr", {}, heads.map((name) => el("th", { scope: "col", className: words.has(name) ? "word" : "" },
-    name === "χ²" ? el("span", { title: "of the fit, over its degrees of freedom: 1 is noise alone" }, name) : name || el("span", { className: "hidden" }, "open"))))), el("tbody", {}, rows));
-  return el("section", { "aria-label": title }, el("h2", {}, `${title} (${rows.length})`), rows.length ? table : el("p", { className: "soft" }, empty));
+    name === "χ²" ? el("span", { title: "of the fit, over its degrees of freedom: 1 is noise alone" }, name) : HIDDEN.includes(name) ? el("span", { className: "hidden" }, name) : name)))), el("tbody", {}, rows));
+  return el("section", { "aria-label": title }, el("div", { className: "bar" }, el("h2", {}, `${title} (${rows.length})`), el("span", { className: "grow" }), act), rows.length ? table : el("p", { className: "soft" }, empty));
 }
 
 function batchOf({ name, done, total, failed, now = [], running, per_minute: pace, failures = [] }) {
@@ -27,7 +31,11 @@ function batchOf({ name, done, total, failed, now = [], running, per_minute: pac
 
 function resultRow({ id, name, campaign, tyre, modes, pairs, chi2, doubts, needs_look: look, reviewed }) {
   const draft = reviewed.startsWith("draft");
-  return el("tr", {},
+  const tick = el("input", { type: "checkbox", checked: ticked.has(id), "aria-label": `Compare ${name}`, "data-focus": `tick ${id}`, onchange: () => {
+    ticked[tick.checked ? "add" : "delete"](id);
+    find("#compare").disabled = ticked.size < 2;
+  } });
+  return el("tr", {}, el("td", {}, tick),
     el("th", { scope: "row" }, el("a", { href: `/r/${encodeURIComponent(id)}` }, name)), word([campaign, tyre].filter(Boolean).join(" · ")),
     number(modes), number(pairs), number(fixed(chi2, 2)),
     word(doubts.length ? doubts.map((text) => [chip(text, "warning"), " "]) : el("span", { className: "soft" }, "none")),
@@ -36,15 +44,10 @@ function resultRow({ id, name, campaign, tyre, modes, pairs, chi2, doubts, needs
       draft ? "Continue" : look ? "Review" : "Open")));
 }
 
-/** Results in groups that belong together are compared by ticking them. */
-function comparison(results) {
-  const boxes = results.map(({ id, name }) => el("label", {}, el("input", { type: "checkbox", value: id, onchange: update }), ` ${name}`));
-  const go = button("Compare", () => location.assign(`/compare?ids=${chosen().map(encodeURIComponent).join(",")}`), { disabled: true });
-  const chosen = () => boxes.map((each) => find("input", each)).filter((input) => input.checked).map((input) => input.value);
-  function update() {
-    go.disabled = chosen().length < 2;
-  }
-  return el("details", {}, el("summary", {}, "Compare results"), el("div", { className: "choices" }, boxes), el("p", {}, go));
+/** Results that are ticked are compared, in the order of the list. */
+function compareTicked(results) {
+  const ids = () => results.map(({ id }) => id).filter((id) => ticked.has(id));
+  return button("Compare the ticked ones", () => location.assign(`/compare?ids=${ids().map(encodeURIComponent).join(",")}`), { id: "compare", disabled: ids().length < 2, "data-focus": "compare" });
 }
 
 function campaignRow({ id, name, files, manifest, job, measuring }) {
@@ -69,17 +72,17 @@ const libraryRows = ({ name, sets }) => sets.map(({ tyre, versions, approved, ve
 
 async function show() {
   try {
-    const home = await get("home"), open = find("details")?.open;
+    const home = await get("home"), told = JSON.stringify(home);
+    if (told === shown) return;
+    complain(null);
+    shown = told;
     document.title = "Results and campaigns · ringmodal review";
     refill(find("#what"), home.folder);
     refill(find("main"),
       home.batch && batchOf(home.batch),
-      section("Results, those that need a look first", ["result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", ""], home.results.map(resultRow), "No result yet."),
-      home.results.length > 1 && comparison(home.results),
-      section("Campaigns without a result", ["campaign", "files", "manifest", "state", ""], home.campaigns.map(campaignRow), "None."),
+      section("Results, those that need a look first", ["tick", "result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", "open"], home.results.map(resultRow), "No result yet.", home.results.length > 1 && compareTicked(home.results)),
+      section("Campaigns without a result", ["campaign", "files", "manifest", "state", "open"], home.campaigns.map(campaignRow), "None."),
       home.libraries.length ? section("Parameter libraries", ["library", "tyre", "versions", "verdict", "approved"], home.libraries.flatMap(libraryRows), "") : null);
-    if (open && find("details")) find("details").open = true;
-    complain(null);
     document.documentElement.dataset.ready = "";
   } catch (problem) {
     complain(problem.message);
@@ -87,4 +90,7 @@ async function show() {
 }
 
 await show();
-if (find("main").childElementCount) listen("home", (event) => event.kind === "home" && show(), show);
+if (find("main").childElementCount) {
+  listen("home", (event) => event.kind === "home" && show(), show);
+  setInterval(() => document.hidden || show(), AGAIN_MS); // batches and recordings of other programs
+}

@@ -41,7 +41,7 @@ export function mount(host, bench) {
   }
 
   function draw() {
-    const { can_reread: can, drift } = bench.state;
+    const { can_reread: can, averaged, drift } = bench.state;
     refill(bar, el("h2", {}, "Band and poles"));
     refill(body, band(), POLES.map(row),
       el("div", { className: "setting" },
@@ -49,8 +49,8 @@ export function mount(host, bench) {
         button("No partners", () => bench.edit({ kind: "no_partners" }), { className: "small", label: "No partners: add no second pole to an order", "data-focus": "no partners" }),
         bench.view.zoom && button("= view", () => change({ band_hz: bench.view.zoom.map((value) => +value.toFixed(2)) }), {
           className: "small", label: "= view: fit the band that is shown", "data-focus": "band view" })),
-      el("h3", {}, "Averaging ", el("span", { className: "soft" }, can ? "reads the files again" : "files not found")),
-      AVERAGING.map(row),
+      el("h3", {}, "Averaging ", el("span", { className: "soft" }, !averaged ? "FRFs were read" : can ? "reads the files again" : "files not found")),
+      averaged && AVERAGING.map(row),
       drift && drift !== "none" && el("p", { className: "soft" }, `Drift: ${drift}`));
   }
 

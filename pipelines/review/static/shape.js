@@ -1,9 +1,10 @@
 // The chosen mode moving on the tyre beside the ring's shape of its order, and the AutoMAC.
-import { colour, el, find, fixed, onScheme, orderColour, refill, button, key } from "./dom.js";
+import { called, colour, el, find, fixed, onScheme, orderColour, refill, button, key } from "./dom.js";
 
 const PERIOD_MS = 2000; // of the slow motion
 const ARC_DEG = 3; // the circle between two positions is drawn in such steps
 const DEFLECTION = 0.3; // of the radius
+const MOST_GAP = 3; // usual distances of positions: nothing is drawn where nothing was measured
 const SVG = "http://www.w3.org/2000/svg";
 
 function onCircle(radius, angleDeg) {
@@ -11,19 +12,26 @@ function onCircle(radius, angleDeg) {
   return [radius * Math.cos(angle), -radius * Math.sin(angle)];
 }
 
-const path = (points) => points.map(([x, y], k) => `${k ? "L" : "M"}${x.toFixed(3)} ${y.toFixed(3)}`).join("");
-const spots = (points) => points.map(([x, y]) => `M${x.toFixed(3)} ${y.toFixed(3)}h0`).join("");
+const spot = ([x, y]) => `${x.toFixed(3)} ${y.toFixed(3)}`;
+const path = (points) => points.map((point, k) => (k ? "L" : "M") + spot(point)).join("");
+const spots = (points) => points.map((point) => `M${spot(point)}h0`).join("");
 
-/** Points of a closed curve through deflections at angles; between them the deflection goes over evenly. */
+/** A curve through deflections at angles; between them the deflection goes over evenly, gaps stay open. */
 function outline(angles, order, deflection) {
-  return order.flatMap((row, k) => {
-    const next = order[(k + 1) % order.length], turn = k === order.length - 1 ? 360 : 0;
-    const gap = angles[next] + turn - angles[row], steps = Math.max(1, Math.ceil(gap / ARC_DEG));
-    return Array.from({ length: steps }, (_, step) => {
-      const share = step / steps, between = (1 - share) * deflection[row] + share * deflection[next];
-      return onCircle(1 + between, angles[row] + share * gap);
-    });
+  const after = (k) => order[(k + 1) % order.length];
+  const gaps = order.map((row, k) => angles[after(k)] - angles[row] + (k === order.length - 1 ? 360 : 0));
+  const most = MOST_GAP * [...gaps].sort((a, b) => a - b)[Math.floor(gaps.length / 2)];
+  let drawn = "", letter = "M";
+  order.forEach((row, k) => {
+    const isGap = gaps[k] > most, steps = isGap ? 1 : Math.max(1, Math.ceil(gaps[k] / ARC_DEG));
+    for (let step = 0; step < steps; step += 1) {
+      const share = step / steps, between = (1 - share) * deflection[row] + share * deflection[after(k)];
+      drawn += letter + spot(onCircle(1 + between, angles[row] + share * gaps[k]));
+      letter = "L";
+    }
+    if (isGap) letter = "M";
   });
+  return letter === "L" ? drawn + letter + spot(onCircle(1 + deflection[order[0]], angles[order[0]])) : drawn;
 }
 
 /** The values of one mode out of a table of all. */
@@ -51,6 +59,7 @@ export function mountShape(host, bench) {
     const imag = rowOf(shapes, "imag", mode.key), ring = rowOf(shapes, "ring", mode.key);
     const cosine = Math.cos(phase) * DEFLECTION, sine = Math.sin(phase) * DEFLECTION;
     const deflection = Array.from(real, (value, k) => value * cosine - imag[k] * sine);
+    made.deformed.style.stroke = made.dots.style.stroke = orderColour(mode.order);
     const angles = shapes.position_deg, order = Array.from(angles.keys()).sort((a, b) => angles[a] - angles[b]);
     if (!state.on_circle) {
       const place = (k) => -1.4 + (2.8 * k) / Math.max(1, real.length - 1);
@@ -60,14 +69,13 @@ export function mountShape(host, bench) {
       return made.dots.setAttribute("d", spots(points));
     }
     made.rest.setAttribute("d", `${path(Array.from({ length: 120 }, (_, k) => onCircle(1, 3 * k)))}Z`);
-    made.deformed.setAttribute("d", `${path(outline(angles, order, deflection))}Z`);
+    made.deformed.setAttribute("d", outline(angles, order, deflection));
     made.dots.setAttribute("d", spots(order.map((row) => onCircle(1 + deflection[row], angles[row]))));
-    if (!Number.isNaN(ring[0])) made.ring.setAttribute("d", `${path(outline(angles, order, ring.map((value) => value * cosine)))}Z`);
+    if (!Number.isNaN(ring[0])) made.ring.setAttribute("d", outline(angles, order, ring.map((value) => value * cosine)));
     if (state.excitation_deg !== null) {
       const at = state.excitation_deg, tip = onCircle(0.93, at);
       made.force.setAttribute("d", path([onCircle(0.45, at), tip]) + path([onCircle(0.8, at - 6), tip, onCircle(0.8, at + 6)]));
     }
-    made.deformed.style.stroke = made.dots.style.stroke = orderColour(mode.order);
   }
 
   function frame(now) {
@@ -91,10 +99,10 @@ export function mountShape(host, bench) {
 
   function draw() {
     const { mode } = bench;
-    refill(bar, el("h2", {}, mode ? `Shape ${mode.name}` : "Shape"), el("span", { className: "grow" }),
+    refill(bar, el("h2", {}, !mode ? "Shape" : mode.order === null ? called(mode) : `Shape ${mode.name}`), el("span", { className: "grow" }),
       button([playing ? "Stop " : "Play ", key("Space")], animate, { className: "small", "data-focus": "animate" }));
     const kind = mode?.order == null ? "" : `, order ${mode.order}, purity ${fixed(mode.purity, 2)}, MPC ${fixed(mode.mpc, 2)}`;
-    svg.setAttribute("aria-label", mode ? `Shape of ${mode.name}${kind}; dashed: the ring's shape` : "No mode");
+    svg.setAttribute("aria-label", mode ? `Shape of ${called(mode)}${kind}; dashed: the ring's shape` : "No mode");
     show();
   }
 
@@ -113,7 +121,7 @@ export function mountMac(host, bench) {
     canvas.width = canvas.height = Math.round(size * sharp);
     pen.setTransform(sharp, 0, 0, sharp, 0, 0);
     if (!n || !size) return;
-    const step = size / n, names = shapes.keys.map((key) => bench.modes.find((mode) => mode.key === key)?.name ?? "–");
+    const step = size / n, modes = shapes.keys.map((key) => bench.modes.find((mode) => mode.key === key)), names = modes.map((mode) => (mode?.order == null ? fixed(mode?.frequency_hz, 1) : mode.name));
     const chosen = shapes.keys.indexOf(bench.view.mode);
     let worst = [0, 1, 0];
     for (let k = 0; k < n; k += 1) {

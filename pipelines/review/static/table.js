@@ -1,7 +1,7 @@
 // The list of modes, against the automatic result, and the list of all poles: every edit of the
 // diagram can be made here too.
 import { columns, middlePole, pick, polesOf } from "./diagram.js";
-import { button, el, find, fixed, key, percent, refill, signed } from "./dom.js";
+import { button, el, find, fixed, follow, key, percent, refill, signed } from "./dom.js";
 
 const MOVED_SIGMA = 3; // a shift worth a look
 
@@ -49,13 +49,14 @@ export function mount(host, bench) {
   const bar = find(".bar", host), list = find(".list", host);
   let which = "modes";
 
-  function modeRow(mode) {
-    const chosen = mode === bench.mode;
+  function modeRow(mode, k) {
+    const chosen = mode === bench.mode, tabIndex = chosen ? 0 : -1; // the others: arrow keys
+    const who = mode.order === null ? `${k}` : mode.name;
     const moved = Math.abs(mode.delta_sigma ?? 0) > MOVED_SIGMA;
     const verb = mode.listed ? "Set aside" : "Keep";
     const row = el("tr", { className: [chosen && "chosen", !mode.listed && "aside", bench.view.hover?.mode === mode && "hover"].filter(Boolean).join(" ") },
       el("th", { scope: "row" }, button(mode.name, () => bench.look({ mode: mode.key }), {
-        className: "name", "aria-pressed": String(chosen), "data-focus": `mode ${mode.name}`, "data-mode": "",
+        className: "name", tabIndex, "aria-pressed": String(chosen), "data-focus": `mode ${who}`, "data-mode": "",
         label: `${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz, ${mode.listed ? mode.pair : mode.chosen}`,
       })),
       cell(fixed(mode.frequency_hz, 2), "f"), cell(fixed(mode.frequency_std_hz, 3), "std"),
@@ -64,7 +65,7 @@ export function mount(host, bench) {
       cell(percent(mode.damping_ratio, 2), "f"), cell(percent(mode.damping_std, 3), "std"),
       cell(fixed(mode.purity, 2), "purity"),
       el("td", {}, mode.chosen !== "outside" && button(mode.listed ? "×" : "+", () => bench.toggle(mode), {
-        className: "small", label: `${verb} ${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz`, "data-focus": `toggle ${mode.name}`,
+        className: "small", tabIndex, label: `${verb} ${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz`, "data-focus": `toggle ${who}`,
       })));
     row.addEventListener("click", (event) => event.target.closest("button") ?? bench.look({ mode: mode.key }));
     return row;
@@ -113,6 +114,7 @@ export function mount(host, bench) {
       el("span", { className: "soft" }, key("↑"), key("↓"), " ", key("Enter")));
     refill(list, which === "modes" ? modes() : poles());
     list.querySelector("tr.chosen")?.scrollIntoView({ block: "nearest" });
+    follow(list, "tr.chosen", which === "modes" ? bench.modes.indexOf(bench.mode) : chosenCluster(bench));
   }
 
   bench.watch(["pick"], () => {

@@ -1,5 +1,5 @@
 // Why a mode is listed, what setting it aside would cost, and what else can be decided about it.
-import { ask, button, el, find, fixed, key, numberField, refill, signed } from "./dom.js";
+import { ask, button, called, el, find, fixed, key, numberField, refill, signed } from "./dom.js";
 import { get, post } from "./server.js";
 
 const MOST_ORDER = 40;
@@ -59,7 +59,7 @@ export function mount(host, bench) {
     });
 
   function actions(mode) {
-    const order = el("select", { className: "small", "aria-label": `Order of ${mode.name}`, "data-focus": "order is", onchange: () => {
+    const order = el("select", { className: "small", "aria-label": `Order of ${called(mode)}`, "data-focus": "order is", onchange: () => {
       if (order.value !== "") bench.edit({ kind: "order_is", pole: mode.pole, value: Number(order.value) });
     } }, el("option", { value: "" }, "order…"), Array.from({ length: Math.min(MOST_ORDER, 21) }, (_, k) => el("option", { value: String(k) }, `order ${k}`)));
     return el("p", { className: "actions" },
@@ -73,7 +73,7 @@ export function mount(host, bench) {
 
   function draw() {
     const { mode } = bench;
-    refill(bar, el("h2", {}, mode ? `Why ${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz` : "Why"));
+    refill(bar, el("h2", {}, mode ? mode.order === null ? `Why ${called(mode)}` : `Why ${mode.name}, ${fixed(mode.frequency_hz, 2)} Hz` : "Why"));
     if (!mode) return refill(body, el("p", {}, "No mode is chosen."));
     const lines = evidence?.lines ?? [];
     refill(body, actions(mode), costText(),

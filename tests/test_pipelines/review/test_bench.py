@@ -101,6 +101,14 @@ def test_channels_are_left_out_and_come_back(page):
     assert all(each["used"] and each["sign"] == 1 for each in page.settled()["channels"])
 
 
+def test_what_is_set_aside_behind_a_channel_is_named_so(page):
+    """Leaving a channel out moves the poles: a later edit names them where they are then."""
+    page.settled()
+    page.edit(kind="channel_out", channel="A03", run="config_2.uff")
+    page.edit(**aside(page.listed()[1]))
+    assert [each["chosen"] for each in page.settled()["modes"]].count("set aside") == 1
+
+
 def test_band_and_order_change_what_is_found(page):
     assert len(page.listed()) == 4
     page.edit(kind="settings", settings={"band_hz": [60.0, 130.0], "max_order": 40})

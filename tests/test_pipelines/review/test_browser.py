@@ -203,6 +203,19 @@ def test_a_session_of_keys_alone(bench):
     press(bench, Keys.ESCAPE)
 
 
+def test_lists_are_one_stop_of_the_tab_key(bench):
+    """Only the chosen line of a list is reached with it; arrows take the focus to the next one."""
+    first, second = [mode["name"] for mode in bench.js(STATE)["modes"][:2]]
+    tab_to(bench, f"mode {first}")
+    press(bench, Keys.ARROW_DOWN)
+    assert bench.js("return document.activeElement.dataset.focus") == f"mode {second}"
+    stops = bench.js(
+        "return [...document.querySelectorAll('button, select, input, a, [tabindex]')]"
+        ".filter(each => each.tabIndex >= 0 && !each.disabled && each.checkVisibility()).length"
+    )
+    assert stops < 60
+
+
 def test_every_edit_is_in_the_lists_too(bench):
     """A mode by its button, a pole by the list of poles, a flip by the list of channels."""
     first = bench.js(STATE)["modes"][0]["name"]
@@ -343,6 +356,14 @@ def test_landing_comparison_and_watch(home, server):
     """Names from files are text; two results are compared; the missing run is asked for."""
     assert HOSTILE in home.texts("th a")
     assert home.violations() == []
+    for box in home.find_all("td [type=checkbox]")[:2]:
+        box.click()
+    home.find("#compare").click()
+    home.wait(
+        "return location.pathname === '/compare' && document.querySelector('.names') !== null"
+    )
+    home.driver.back()
+    home.wait(READY)
     results = [
         link.split("/")[-1]
         for link in home.js("return [...document.querySelectorAll('th a')].map(a => a.href)")
@@ -360,6 +381,17 @@ def test_landing_comparison_and_watch(home, server):
     for scheme in ("light", "dark"):
         show(home, WIDTHS_PX[1], scheme)
         assert home.violations() == []
+
+
+def test_what_other_programs_write_appears(home, lab):
+    """A result of a batch that runs beside the page is listed without a reload."""
+    shutil.copytree(lab / "result", lab / "night")
+    try:
+        home.wait(
+            "return [...document.querySelectorAll('th a')].some(a => a.textContent === 'night')"
+        )
+    finally:
+        shutil.rmtree(lab / "night")
 
 
 def test_scripts_are_small(bench):
@@ -389,7 +421,9 @@ def test_the_frfs_of_another_force_are_shown_and_left_out(reviewed_of_two, brows
         assert (after["position_deg"], after["force"]) == (before["position_deg"], 2)
         assert browser.js("return ringmodalBench.around.length") == 72
         assert browser.js("return ringmodalBench.data.fit.frequency_hz.length > 0")
-        assert browser.js(CUT) == []
+        for width in reversed(WIDTHS_PX):
+            show(browser, width)
+            assert (browser.js(OVERFLOW), browser.js(CUT)) == ([0, 0], [])
         press(browser, "x")
         edit = settled(browser, cursor=1)["edits"][0]["edit"]
         assert edit["reference"] == 2

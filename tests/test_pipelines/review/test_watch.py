@@ -14,7 +14,7 @@ from ema.io.formats import read_file
 from ema.io.uff.write import write_time_series
 from pipelines.review.bench import Desk
 from pipelines.review.watch import advice, expected, looked_at, settled
-from pipelines.simulate.campaign import simulate_campaign
+from pipelines.simulate.campaign import FORCE_RMS_N, simulate_campaign
 
 LATER = 10.0  # seconds after which a file counts as written
 
@@ -53,9 +53,13 @@ def test_the_next_position_of_the_sensors(rig):
     runs, (verdict, text) = seen(rig(1, 2))
     assert [run.state for run in runs.values()] == ["measured"] * 2 + ["missing"] * 4
     assert verdict == "ok"
-    assert "run 3 (config_3.uff). Turn the sensors: A01 at 10°" in text
+    assert "run 3 (config_3.uff). Turn the sensors by +5°: A01 at 10°" in text
     assert "REF" not in text  # it stays
-    assert runs["config_1.uff"].content["coherence"] > 0.9
+    content = runs["config_1.uff"].content
+    assert content["coherence"] > 0.9
+    assert content["force_n"] == pytest.approx([FORCE_RMS_N], rel=0.05)
+    assert content["unit"] == "m/s²"
+    assert 0 < content["sensors"][0] < content["sensors"][1]
 
 
 def test_a_whole_campaign(rig):
