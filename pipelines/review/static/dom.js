@@ -47,8 +47,9 @@ export const signed = (value, decimals) => (Number(value?.toFixed(decimals)) > 0
 /** Three significant digits. */
 export function short(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
-  const decimals = value === 0 ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value))));
-  return fixed(value, Math.min(decimals, 6));
+  const rounded = Number(value.toPrecision(3)); // 9.999 is 10.0, not 10.00
+  const decimals = rounded === 0 ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(rounded))));
+  return fixed(rounded, Math.min(decimals, 6));
 }
 
 export const percent = (ratio, decimals) => fixed(ratio === null ? null : 100 * ratio, decimals);

@@ -47,7 +47,7 @@ function resultRow({ id, name, campaign, tyre, modes, pairs, chi2, doubts, needs
 /** Results that are ticked are compared, in the order of the list. */
 function compareTicked(results) {
   const ids = () => results.map(({ id }) => id).filter((id) => ticked.has(id));
-  return button("Compare the ticked ones", () => location.assign(`/compare?ids=${ids().map(encodeURIComponent).join(",")}`), { id: "compare", disabled: ids().length < 2, "data-focus": "compare" });
+  return button("Compare the ticked ones", () => location.assign(`/compare?ids=${ids().map(encodeURIComponent).join(",")}`), { id: "compare", title: "Tick two to twelve results", disabled: ids().length < 2, "data-focus": "compare" });
 }
 
 function campaignRow({ id, name, files, manifest, job, measuring }) {
@@ -80,7 +80,7 @@ async function show() {
     refill(find("#what"), home.folder);
     refill(find("main"),
       home.batch && batchOf(home.batch),
-      section("Results, those that need a look first", ["tick", "result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", "open"], home.results.map(resultRow), "No result yet.", home.results.length > 1 && compareTicked(home.results)),
+      section("Results, those that need a look first", ["tick", "result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", "open"], home.results.map(resultRow), "No result yet.", home.results.length && compareTicked(home.results)),
       section("Campaigns without a result", ["campaign", "files", "manifest", "state", "open"], home.campaigns.map(campaignRow), "None."),
       home.libraries.length ? section("Parameter libraries", ["library", "tyre", "versions", "verdict", "approved"], home.libraries.flatMap(libraryRows), "") : null);
     document.documentElement.dataset.ready = "";
