@@ -190,7 +190,7 @@ export function mount(host, bench) {
         "aria-controls": "curves-panel", tabIndex: tab === name ? 0 : -1, title: `Key ${k + 1}`, onclick: () => bench.look({ tab: name }),
       }, text)));
     const place = channel.position_deg === null ? `node ${channel.node}` : `${fixed(channel.position_deg, 0)}°`;
-    const frac = channel.used ? `FRAC ${fixed(channel.frac, 3)}` : "left out";
+    const frac = channel.used ? `FRAC ${fixed(channel.frac, 3)}` : ["left out", channel.why].filter(Boolean).join(", ");
     const { forces } = bench;
     const against = forces.length ? el("select", { id: "against", "aria-label": "Force", "data-focus": "against", onchange: () => bench.against(Number(against.value)) },
       forces.map((at, k) => el("option", { value: String(k + 1), selected: bench.force === k + 1 }, `force at ${at}`))) : null;

@@ -80,7 +80,7 @@ async function show() {
     refill(find("#what"), home.folder);
     refill(find("main"),
       home.batch && batchOf(home.batch),
-      section("Results, those that need a look first", ["tick", "result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", "open"], home.results.map(resultRow), "No result yet.", home.results.length && compareTicked(home.results)),
+      section("Results, those that need a look first", ["tick", "result", "tyre", "modes", "pairs", "χ²", "doubts", "reviewed", "open"], home.results.map(resultRow), "No result yet.", home.results.length > 0 && compareTicked(home.results)),
       section("Campaigns without a result", ["campaign", "files", "manifest", "state", "open"], home.campaigns.map(campaignRow), "None."),
       home.libraries.length ? section("Parameter libraries", ["library", "tyre", "versions", "verdict", "approved"], home.libraries.flatMap(libraryRows), "") : null);
     document.documentElement.dataset.ready = "";
