@@ -3,7 +3,7 @@
 import { button, complain, el, find, fixed, refill, say } from "./dom.js";
 import { get, listen, post } from "./server.js";
 
-const AGAIN_MS = 3000;
+const AGAIN_MS = 3000, REST = 20; // times as long as a look takes
 const HIDDEN = ["tick", "open"]; // heads of columns that need none to be seen
 const ticked = new Set();
 let shown = "";
@@ -89,8 +89,18 @@ async function show() {
   }
 }
 
+/** Look again for what other programs write, batches among them: seldom where a look takes long. */
+async function follow() {
+  for (let took = 0; ; ) {
+    await new Promise((done) => setTimeout(done, Math.max(AGAIN_MS, REST * took)));
+    const start = performance.now();
+    if (!document.hidden) await show();
+    took = performance.now() - start;
+  }
+}
+
 await show();
 if (find("main").childElementCount) {
   listen("home", (event) => event.kind === "home" && show(), show);
-  setInterval(() => document.hidden || show(), AGAIN_MS); // batches and recordings of other programs
+  follow();
 }

@@ -1,8 +1,10 @@
 """A review: edits, undo and redo, two pages, what survives a kill, and what is signed."""
 
 import json
+import socket
 import subprocess
 from dataclasses import replace
+from urllib.parse import urlsplit
 
 import httpx2
 import numpy as np
@@ -355,8 +357,12 @@ def test_the_command_names_what_is_wrong(ringmodal, tmp_path):
 
 
 def test_ctrl_c_ends_the_server(folder):
+    """Until then it listens on one address of this machine alone."""
     with served(folder) as (process, address, file):
-        assert address.startswith("http://127.0.0.1:")
+        host, port = urlsplit(address).hostname, urlsplit(address).port
+        assert host == "127.0.0.1"
+        with pytest.raises(OSError):  # where all addresses are listened on, this is one of them
+            socket.create_connection(("127.0.0.2", port), timeout=1).close()
         assert file.is_file()
     assert process.returncode == 0
     assert not file.exists()

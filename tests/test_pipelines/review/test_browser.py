@@ -41,6 +41,14 @@ def show(browser, width, scheme="light"):
     browser.settle()
 
 
+def bare(browser, width):
+    """See to it that axe finds nothing serious, in light and in dark, and nothing is too wide."""
+    for scheme in ("dark", "light"):
+        show(browser, width, scheme)
+        assert browser.js(OVERFLOW)[0] == 0
+        assert browser.violations() == []
+
+
 @contextmanager
 def watched(browser, address):
     """See to it that pages complain of nothing and ask no other host for anything."""
@@ -302,7 +310,7 @@ def test_sign_off_writes_a_new_folder(bench, lab):
     assert bench.texts("dialog tbody tr:first-child td:first-child")[0].startswith(
         f"Set aside {mode}"
     )
-    assert bench.violations() == []
+    bare(bench, WIDTHS_PX[0])
     for selector, text in (("#signer", "A. Keller"), ("#note", "fixture"), ("#folder", "signed")):
         bench.find(selector).clear()
         bench.find(selector).send_keys(text)
@@ -355,7 +363,7 @@ def test_pages_fit_and_are_accessible(bench, server):
 def test_landing_comparison_and_watch(home, server):
     """Names from files are text; two results are compared; the missing run is asked for."""
     assert HOSTILE in home.texts("th a")
-    assert home.violations() == []
+    bare(home, WIDTHS_PX[0])
     for box in home.find_all("td [type=checkbox]")[:2]:
         box.click()
     home.find("#compare").click()
@@ -373,14 +381,12 @@ def test_landing_comparison_and_watch(home, server):
     home.wait(READY)
     home.wait("return document.querySelector('.names').childElementCount === 2")
     assert len(home.find_all("section[aria-label=Modes] tbody tr")) >= 4
-    assert home.violations() == []
+    bare(home, WIDTHS_PX[0])
     home.driver.get(watch)
     home.wait(READY)
     home.wait("return document.querySelector('.advice').textContent.includes('config_6')")
     assert "missing" in home.texts("tbody .chip")
-    for scheme in ("light", "dark"):
-        show(home, WIDTHS_PX[1], scheme)
-        assert home.violations() == []
+    bare(home, WIDTHS_PX[1])
 
 
 def test_what_other_programs_write_appears(home, lab):
