@@ -184,7 +184,9 @@ def settled(curve: CurveFit) -> Settled:
     """Rows of all poles with their uncertainty."""
     frf = curve.frf
     fit, owner, place = _one_pole_per_order(curve)
-    misfit = fit.misfit if any(order.jointly for order in curve.ring) else curve.fit.misfit
+    apart = {r: order for r, order in owner.items() if order.jointly or order.is_resolved}
+    shown = _beside_pairs(curve, fit.poles, apart, fit.locked) if apart else fit
+    misfit = shown.misfit if apart else curve.fit.misfit
     covariance = parameter_covariance(fit, curve.correlation)
     both = frequency_damping_covariance(fit.poles, covariance)
     residues_std = residue_std(fit, covariance, curve.correlation)
@@ -199,6 +201,7 @@ def settled(curve: CurveFit) -> Settled:
     beside = beside_ring(modes, frf.position_deg, owner)
     if curve.circle and not curve.selection.pinned:
         between = np.hypot(between, shift_beside(modes, beside))
+    modes = [replace(mode, residues=own) for mode, own in zip(modes, shown.residues.T, strict=True)]
     seen = rows_of(modes, owner, both, between, mixed, drift, frf.position_deg, curve.settings)
     for r in fit.locked:
         seen[r] = as_stated(modes[r], curve.locked[place[r]])
@@ -207,7 +210,7 @@ def settled(curve: CurveFit) -> Settled:
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
     return Settled(
         frf=frf,
-        fit=fit,
+        fit=shown,
         band_hz=curve.band_hz,
         rows=tuple(
             Row(mode, (place[r], member), r in in_band, doubts.get(r, ""))
@@ -224,10 +227,11 @@ def settled(curve: CurveFit) -> Settled:
 
 
 def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder], list[int]]:
-    """Residues with one pole of each order in the place of its members: the mean, or the one seen.
+    """A fit with one pole of each order in the place of its members: the mean, or the one seen.
 
     Residues of two poles closer than their width are not determined one by one; those of one
-    pole are. Also: which order each of these poles belongs to, and the pole it stands for.
+    pole are. The ± rest on it. Also: which order each of these poles belongs to, and the pole it
+    stands for.
     """
     fit = curve.fit
     if curve.selection.pinned or not curve.ring:
@@ -242,8 +246,10 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     bound = fit.at_bound.reshape(-1, 2)[kept]
     bound[[kept.index(k) for k in means]] = False
     owner = {kept.index(k): order for k, (order, _) in means.items()}
-    again = replace(_beside_joint_pairs(curve, poles, owner, kept), at_bound=bound.ravel())
-    return again, owner, kept
+    locked = tuple(kept.index(k) for k in fit.locked if k in kept)
+    jointly = {r: order for r, order in owner.items() if order.jointly}
+    again = _beside_pairs(curve, poles, jointly, locked)
+    return replace(again, at_bound=bound.ravel()), owner, kept
 
 
 def _pole_of(order: RingOrder, pair: PairFit) -> complex:
@@ -251,18 +257,17 @@ def _pole_of(order: RingOrder, pair: PairFit) -> complex:
     return pair.mean if order.one_row is None else pair.poles[order.one_row]
 
 
-def _beside_joint_pairs(
-    curve: CurveFit, poles: Complex, owner: dict[int, RingOrder], kept: list[int]
+def _beside_pairs(
+    curve: CurveFit, poles: Complex, pairs: dict[int, RingOrder], locked: tuple[int, ...]
 ) -> PoleFit:
-    """Linear solution for poles, with the pairs that several forces determine taken as they are.
+    """Linear solution for poles, with the pairs in the place of some of them taken as they are.
 
-    The pole in the place of such a pair has the residues of both members and what is in no wave.
+    Such a pole has the residues of both members and what is in no wave. Were it fitted alone, the
+    poles of other orders would make up for what one pole cannot follow of two.
     """
     fit, angles = curve.fit, curve.frf.position_deg
-    locked = tuple(kept.index(k) for k in fit.locked if k in kept)
-    joint = {k: order for k, order in owner.items() if order.jointly and order.pair}
     values, own = np.array(fit.lines.values), np.zeros((len(angles), poles.size), dtype=complex)
-    for k, order in joint.items():
+    for k, order in pairs.items():
         assert order.pair is not None
         waves, members = order.waves(angles), np.array(order.pair.poles)
         own[:, k] = waves.sum(axis=1)
@@ -273,7 +278,7 @@ def _beside_joint_pairs(
     again = evaluate(replace(fit.lines, values=values), poles, fit.drift, locked=locked)
     parts = zip(again.groups, again.parts, strict=True)
     with_pairs = [replace(part, residues=part.residues + own[rows]) for rows, part in parts]
-    return replace(again, parts=tuple(with_pairs)) if joint else again
+    return replace(again, parts=tuple(with_pairs)) if pairs else again
 
 
 def _doubts(

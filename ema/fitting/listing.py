@@ -199,7 +199,7 @@ class Settled:
     frf : FRF
         As measured or without the mass of the sensors.
     fit : PoleFit
-        With one pole for each order.
+        With one pole for each order, and pairs that are told apart as they are.
     band_hz : tuple of float
     rows : tuple of Row
         Ascending in frequency, but for the members of pairs.

@@ -51,6 +51,21 @@ def known(quiet):
     return identified(quiet)
 
 
+def test_members_of_pairs_explain_the_frfs():
+    """Pairs split by less than their width: shapes are waves of their order, and nothing is left.
+
+    With one pole in the place of both, poles of other orders made up for a hundredth of the power.
+    """
+    found = identified(systems.campaign_frf(truth_modes(split_percent=1.0), 30, seed=3))
+    members = of_orders(found)
+    assert [mode.member for mode in members] == ["a", "b"] * len(ORDERS)
+    assert min(mode.order_purity for mode in members) > 0.9999
+    inside = (found.frf.frequency_hz > 60) & (found.frf.frequency_hz < 240)
+    measured = found.frf.values[:, inside]
+    fitted = found.model.synthesise(found.frf.frequency_hz[inside], run=found.frf.run)
+    assert np.linalg.norm(measured - fitted) < 0.01 * np.linalg.norm(measured)
+
+
 @pytest.mark.parametrize("seed", [2, 3])
 def test_modes_of_a_whole_campaign_in_much_noise(seed):
     found = identified(systems.campaign_frf(truth_modes(), 8, seed=seed))
