@@ -33,6 +33,10 @@ _SETTLING_S = 0.5
 # Samples of a channel that are looked at, from its start.
 _MOST_SAMPLES = 1 << 22
 _SMOOTHING_HZ = 4.0
+# The modes may be those without the mass of the sensors, or fit otherwise not quite: what another
+# transfer function, smooth over this width and so many lines, explains is steady.
+_STEADY_HZ = 1.0
+_STEADY_LINES = 16
 # Share of a response's power from which the modes do not explain it.
 _UNEXPLAINED = 0.5
 _FEWEST_PIECES = 8
@@ -125,7 +129,8 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     rows = np.array([row for _, row in sensors])
     expected, slope = (part * force for part in _response(model, run.name, rows, omega))
     smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
-    pieces = _Pieces(n_pieces, step)
+    steady = max(int(_STEADY_HZ * n / rate), _STEADY_LINES)
+    pieces = _Pieces(n_pieces, step, force, steady)
     for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
         power = DERIVATIVES.get(sensor.channel.quantity, 0)
         seen = _spectrum(sensor.channel, n)[first:last] * (1j * omega) ** power
@@ -140,8 +145,13 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
 class _Pieces:
     """Sums over the sensors of a run, piece by piece."""
 
-    def __init__(self, n_pieces: int, step: int) -> None:
+    def __init__(
+        self, n_pieces: int, step: int, force: NDArray[np.complex128], steady_lines: int
+    ) -> None:
         self.n_samples, self.shape = n_pieces * step, (n_pieces, step)
+        self.force, self.steady_lines = force, steady_lines
+        power = uniform_filter1d(_squared(force), steady_lines, mode="nearest")
+        self.force_power = np.maximum(power, 1e-300)
         self.projected, self.weight, self.power = np.zeros((3, n_pieces))
 
     def add(
@@ -154,7 +164,7 @@ class _Pieces:
         """Add a sensor, unless the modes do not explain what it shows."""
         own = max(float(np.vdot(expected, expected).real), 1e-300)
         gain = float(np.vdot(expected, seen).real) / own
-        rest = seen - gain * expected
+        rest = self._unsteady(seen - gain * expected)
         left, there = _squared(rest), float(np.vdot(seen, seen).real)
         if not np.isfinite(there) or not left.sum() < _UNEXPLAINED * there:
             return
@@ -164,6 +174,12 @@ class _Pieces:
         self.projected += np.sum((moved.conj() * rest).real, axis=1)
         self.weight += np.sum(_squared(moved), axis=1)
         self.power += np.sum(_squared(self._over_time(seen)), axis=1) / there
+
+    def _unsteady(self, rest: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Of what the modes do not explain, what no smooth transfer function explains either."""
+        crossed = rest * self.force.conj()
+        crossed = uniform_filter1d(crossed, self.steady_lines, mode="nearest")
+        return np.asarray(rest - self.force * crossed / self.force_power)
 
     def _over_time(self, spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return np.asarray(ifft(spectrum)[: self.n_samples].reshape(self.shape))
