@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.circumference.mass_loading import Across, unloaded, without_live_mass
-from ema.circumference.orders import on_circle
+from ema.circumference.orders import family, on_circle
 from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
-from ema.core.modes import ModalModel
+from ema.core.modes import ModalModel, Mode
 from ema.signals.leakage import has_leakage
 
 # Mean gain and phase of the sensors are known to this (1 σ): ISO 16063-21, and 10 µs at 160 Hz.
@@ -21,6 +21,8 @@ _MASS_KNOWN = 0.01
 # How a pair answers across the force is found from its FRFs along it, to a tenth (laboratory
 # tyres), of which a member has more the less the force drives it.
 _ACROSS_KNOWN = 0.1
+# A position this near the force is the drive point.
+_AT_FORCE_DEG = 2.5
 # A resonance of half-width b, in lines of a Hann window, loses this share over b² of its height,
 # ∫w′² T²/(4π² ∫w²), and with it the force of a mass, which is a product of two FRFs.
 _BLUNTED = 1 / 3
@@ -161,3 +163,85 @@ def _seats(campaign: Campaign, run: Run) -> Iterator[tuple[float, str]]:
             seen.add(each.position_deg)
     if run.reference is not None and campaign.reference_deg is not None:
         yield campaign.reference_deg, run.reference.name
+
+
+def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
+    """Say how large the effect of the sensors may be where their mass is not given."""
+    modes, worst = _per_gram(model, n_sensors, excitation_deg)
+    if not modes:
+        return "Sensor mass not given: nothing was corrected for it."
+    text = (
+        "Sensor mass not given, nothing was corrected for it: each gram per sensor lowers the "
+        f"natural frequencies by about {np.median(worst) / 2:.2f} %"
+    )
+    # Equidistant sensors can all sit on antinodes only where 2n waves divide their number.
+    seats = max(n_sensors - n_sensors % 2, 1)
+    aligned = [k for k, mode in enumerate(modes) if (2 * (mode.order or 0)) % seats == 0]
+    if not aligned:
+        return text + "."
+    most = max(aligned, key=lambda k: worst[k])
+    return (
+        f"{text}, that of order {modes[most].order} by up to {worst[most]:.2f} % in the run with "
+        "all sensors on antinodes."
+    )
+
+
+def percent_per_gram(model: ModalModel, n_sensors: int, excitation_deg: float) -> float:
+    """How far each gram per sensor lowers the natural frequencies; NaN where that is unknown."""
+    modes, worst = _per_gram(model, n_sensors, excitation_deg)
+    return float(np.median(worst) / 2) if modes else float("nan")
+
+
+def _per_gram(
+    model: ModalModel, n_sensors: int, excitation_deg: float
+) -> tuple[list[Mode], NDArray[np.float64]]:
+    """A mode of each order, and what a gram per sensor does to it in the worst run, in percent."""
+    modes, drive = _driven(model, excitation_deg)
+    if not modes:
+        return [], np.zeros(0)
+    residues = np.array([mode.residues for mode in modes])
+    frequency_hz = np.array([mode.frequency_hz for mode in modes])
+    return modes, loading_percent(
+        frequency_hz, residues, residues[:, drive], n_sensors, mass_kg=1e-3
+    )
+
+
+def live_mass_note(model: ModalModel, excitation_deg: float) -> str:
+    """Say how large the effect of a mass before the load cell may be where it is not given."""
+    modes, drive = _driven(model, excitation_deg)
+    if not modes:
+        return "Live mass at the load cell not given: nothing was corrected for it."
+    at_force = np.array([mode.residues[drive] for mode in modes])
+    frequency_hz = np.array([mode.frequency_hz for mode in modes])
+    worst = loading_percent(frequency_hz, at_force[:, None], at_force, 1, mass_kg=0.01)
+    return (
+        "Live mass at the load cell not given, nothing was corrected for it: each 10 g lowers the "
+        f"natural frequencies by {worst.min():.2f} to {worst.max():.2f} %."
+    )
+
+
+def _driven(model: ModalModel, excitation_deg: float) -> tuple[list[Mode], int]:
+    """A mode of each order and the position at the force; no modes where none is at the force."""
+    away = np.abs((model.position_deg - excitation_deg + 180) % 360 - 180)
+    modes = [model.modes[chosen[0]] for chosen in family(model.modes).values()]
+    drive = int(np.argmin(away))
+    return (modes if away[drive] <= _AT_FORCE_DEG else []), drive
+
+
+def loading_percent(
+    frequencies_hz: NDArray[np.float64],
+    residues: NDArray[np.complex128],
+    drive_residues: NDArray[np.complex128],
+    n_sensors: int,
+    mass_kg: float,
+) -> NDArray[np.float64]:
+    """How far sensors may lower each natural frequency, in percent; the worst run.
+
+    First order, −½ m Σ_k φ_k²/M with the modal mass M from the residue at the drive point. The
+    worst run has all sensors on antinodes, where an order divides their spacing. `residues` are
+    (n_modes, n_positions), `drive_residues` those at the drive point.
+    """
+    omega = 2 * np.pi * frequencies_hz
+    # φ_i²/M = |A_i|² / |A_drive| · 2ω
+    antinode = np.max(np.abs(residues), axis=1) ** 2 / np.abs(drive_residues) * 2 * omega
+    return np.asarray(100 * 0.5 * mass_kg * n_sensors * antinode)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from ema.circumference.orders import circle_basis, family, highest_order
+from ema.circumference.orders import circle_basis, highest_order
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS
-from ema.core.modes import ModalModel, Mode, synthesise
+from ema.core.modes import synthesise
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -22,14 +22,12 @@ Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and r
 
 # After each pass, what is left of the live mass is a tenth.
 _LIVE_PASSES = 2
-# A position this near the force is the drive point.
-_AT_FORCE_DEG = 2.5
 # √(K/ρh)/(2πa), frequency of extension of a belt; that of the paper's tyre (Table 4).
 _STRETCH_HZ = 545.0
 # √(k_θ/ρh)/2π, torsion of a belt on its rim: that of rings of car tyres, 30 to 60 Hz.
 _TORSION_HZ = 45.0
-# Orders of a tyre with a share in its FRFs below 300 Hz: some ten resonances, and the tails of
-# those above. With eight only, six sensors in twelve runs gave FRFs that were wrong by a half.
+# Orders that may have resonances near 300 Hz, some ten, and tails of such. With eight only, six
+# sensors in twelve runs gave FRFs that were wrong by a half; those above answer by their stiffness.
 _TYRE_ORDERS = 16
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
@@ -120,94 +118,25 @@ def _bared(
     shift = _shifts(drift, names, rows.frequency_hz)
     force = np.repeat(circle_basis(np.zeros(1), basis.shape[1] // 2), len(names), axis=0)
     basis, run = np.concatenate([basis, force]), np.append(run, np.arange(len(names)))
+    soft, stiff = slice(1 + 2 * _TYRE_ORDERS), slice(1 + 2 * _TYRE_ORDERS, None)
+    inertance = _stiff_inertances(waves[stiff], rows.frequency_hz)
+    along_force = basis[:, stiff][:, ::2] @ inertance[::2]
+    taken = inertance * pull[:, stiff]
+    push = np.array([own @ taken[k] for own, k in zip(basis[:, stiff], run, strict=True)])
+    basis, pull = basis[:, soft], pull[:, soft]
     known, none = np.full((basis.shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
     parts = [part for name in names for part in name.split("+")]
     for order, (poles, each) in across.items():
         middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)
         known[order - 1 : order] = synthesise(rows.frequency_hz, middle, each[None], none, none)
-    push = mass_push(rows.frequency_hz, rows.values, noise, basis, pull, run, shift, known)
+    soft_orders = rows.values + (push - along_force)[: len(rows.values)]
+    push += mass_push(rows.frequency_hz, soft_orders, noise, basis, pull, run, shift, known)
     values = rows.values + push[: -len(names)]
     bare = replace(frf, values=values[: frf.n_positions])
     if fixed is not None:
         bare = replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
     at_force = _drive_point(bare, excitation_deg) - push[-len(names) :]
     return bare, dict(zip(names, at_force, strict=True))
-
-
-def loading_note(model: ModalModel, n_sensors: int, excitation_deg: float) -> str:
-    """Say how large the effect of the sensors may be where their mass is not given."""
-    modes, worst = _per_gram(model, n_sensors, excitation_deg)
-    if not modes:
-        return "Sensor mass not given: nothing was corrected for it."
-    text = (
-        "Sensor mass not given, nothing was corrected for it: each gram per sensor lowers the "
-        f"natural frequencies by about {np.median(worst) / 2:.2f} %"
-    )
-    # Equidistant sensors can all sit on antinodes only where 2n waves divide their number.
-    seats = max(n_sensors - n_sensors % 2, 1)
-    aligned = [k for k, mode in enumerate(modes) if (2 * (mode.order or 0)) % seats == 0]
-    if not aligned:
-        return text + "."
-    most = max(aligned, key=lambda k: worst[k])
-    return (
-        f"{text}, that of order {modes[most].order} by up to {worst[most]:.2f} % in the run with "
-        "all sensors on antinodes."
-    )
-
-
-def percent_per_gram(model: ModalModel, n_sensors: int, excitation_deg: float) -> float:
-    """How far each gram per sensor lowers the natural frequencies; NaN where that is unknown."""
-    modes, worst = _per_gram(model, n_sensors, excitation_deg)
-    return float(np.median(worst) / 2) if modes else float("nan")
-
-
-def _per_gram(model: ModalModel, n_sensors: int, excitation_deg: float) -> tuple[list[Mode], Real]:
-    """A mode of each order, and what a gram per sensor does to it in the worst run, in percent."""
-    modes, drive = _driven(model, excitation_deg)
-    if not modes:
-        return [], np.zeros(0)
-    residues = np.array([mode.residues for mode in modes])
-    frequency_hz = np.array([mode.frequency_hz for mode in modes])
-    return modes, loading_percent(
-        frequency_hz, residues, residues[:, drive], n_sensors, mass_kg=1e-3
-    )
-
-
-def live_mass_note(model: ModalModel, excitation_deg: float) -> str:
-    """Say how large the effect of a mass before the load cell may be where it is not given."""
-    modes, drive = _driven(model, excitation_deg)
-    if not modes:
-        return "Live mass at the load cell not given: nothing was corrected for it."
-    at_force = np.array([mode.residues[drive] for mode in modes])
-    frequency_hz = np.array([mode.frequency_hz for mode in modes])
-    worst = loading_percent(frequency_hz, at_force[:, None], at_force, 1, mass_kg=0.01)
-    return (
-        "Live mass at the load cell not given, nothing was corrected for it: each 10 g lowers the "
-        f"natural frequencies by {worst.min():.2f} to {worst.max():.2f} %."
-    )
-
-
-def _driven(model: ModalModel, excitation_deg: float) -> tuple[list[Mode], int]:
-    """A mode of each order and the position at the force; no modes where none is at the force."""
-    away = np.abs((model.position_deg - excitation_deg + 180) % 360 - 180)
-    modes = [model.modes[chosen[0]] for chosen in family(model.modes).values()]
-    drive = int(np.argmin(away))
-    return (modes if away[drive] <= _AT_FORCE_DEG else []), drive
-
-
-def loading_percent(
-    frequencies_hz: Real, residues: Complex, drive_residues: Complex, n_sensors: int, mass_kg: float
-) -> Real:
-    """How far sensors may lower each natural frequency, in percent; the worst run.
-
-    First order, −½ m Σ_k φ_k²/M with the modal mass M from the residue at the drive point. The
-    worst run has all sensors on antinodes, where an order divides their spacing. `residues` are
-    (n_modes, n_positions), `drive_residues` those at the drive point.
-    """
-    omega = 2 * np.pi * frequencies_hz
-    # φ_i²/M = |A_i|² / |A_drive| · 2ω
-    antinode = np.max(np.abs(residues), axis=1) ** 2 / np.abs(drive_residues) * 2 * omega
-    return np.asarray(100 * 0.5 * mass_kg * n_sensors * antinode)
 
 
 def _joined(frf: FRF, reference: FRF) -> FRF:
@@ -225,12 +154,10 @@ def _waves(
 ) -> tuple[Real, dict[str, Real]]:
     """Waves around the shaker at all rows and at the sensors' seats of each run.
 
-    To N sensors, orders n and n ± N look alike. A correction that differs from run to run shows in
-    all of them; above 3N/2, where a tyre has little of its own, it must not be taken for the tyre.
-    But what the tyre has itself must be among them, however few sensors are moved at a time.
+    To N sensors orders n and n ± N look alike: what is left out of a tyre's own is taken for lower
+    ones, with 35 orders where 16 were known an eighth of the correction.
     """
-    n_sensors = max((angles.size for angles in sensors_deg.values()), default=0)
-    highest = min(highest_order(frf.position_deg), max(3 * n_sensors // 2 - 2, _TYRE_ORDERS))
+    highest = highest_order(frf.position_deg)
     basis = circle_basis(rows.position_deg - excitation_deg, highest)
     seats = {
         name: circle_basis(angles - excitation_deg, highest) for name, angles in sensors_deg.items()
@@ -303,6 +230,18 @@ def _of_run(pulls: dict[str, Complex], name: str) -> Complex:
         remedy = "Give the positions of its sensors, or remove the mass"
         raise InputError(f"run {name!r}", "no sensors", rule, remedy)
     return np.asarray(np.mean(known, axis=0))
+
+
+def _stiff_inertances(waves: Complex, frequency_hz: Real) -> Real:
+    """Inertances of orders far below their resonances, twice each, (n_waves, n_frequencies).
+
+    They go with ω² and are alike all around. The median over the lines leaves out what sensors that
+    differ from run to run make of the resonances of lower orders.
+    """
+    omega_squared = (2 * np.pi * frequency_hz) ** 2
+    lines = omega_squared > 0
+    per_square = np.median(waves[::2, lines].real / omega_squared[lines], axis=1)
+    return np.asarray(np.repeat(per_square, 2)[:, None] * omega_squared)
 
 
 def _noise_of_lines(frf: FRF) -> Real:
@@ -444,7 +383,10 @@ def _orientation(
     right = np.concatenate([weight, none, none, none, [0.0]])
     parts = np.concatenate([system.real, system.imag, expected])
     _, k11, k12, k22, *_, turned = np.linalg.lstsq(parts, right, rcond=None)[0]
-    share = float(np.linalg.norm(weight * (cs - turned * cc)) / np.linalg.norm(weight * cc))
+    apart = cs - turned * cc
+    share = float(np.linalg.norm(weight * apart) / np.linalg.norm(weight * cc))
+    clear_of_noise = np.sqrt(np.mean(np.abs(apart / noise[near]) ** 2))
     contrast = float((k11 - k22) / k12) if k12 else 0.0
     spread = float(np.clip(_ONE_SIDED / share, _KNOWN, 1.0)) if share > 0 else 1.0
-    return (contrast if abs(contrast) * share < _FARTHEST else 0.0), spread, float(turned)
+    shows = clear_of_noise > 1 and abs(contrast) * share < _FARTHEST
+    return (contrast if shows else 0.0), spread, float(turned)

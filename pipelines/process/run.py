@@ -8,8 +8,13 @@ from pathlib import Path
 
 import ema
 from ema.checks.quality import reciprocity_findings
-from ema.checks.sensor_mass import SensorMass, masses_of_runs, sensors_of_runs
-from ema.circumference.mass_loading import live_mass_note, loading_note
+from ema.checks.sensor_mass import (
+    SensorMass,
+    live_mass_note,
+    loading_note,
+    masses_of_runs,
+    sensors_of_runs,
+)
 from ema.core.campaign import Campaign
 from ema.core.edits import Edit, shorthand
 from ema.core.errors import InputError, require_type

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from ema.circumference.mass_loading import percent_per_gram
+from ema.checks.sensor_mass import percent_per_gram
 from ema.circumference.orders import PURE
 from ema.core.display import counted, number
 from ema.core.errors import InputError

@@ -10,17 +10,14 @@ from ema.automatic import fit_modes
 from ema.checks.sensor_mass import (
     SensorMass,
     is_drift_lost,
+    live_mass_note,
+    loading_note,
+    loading_percent,
     sensors_of_runs,
     with_mass_std,
     without_mass,
 )
-from ema.circumference.mass_loading import (
-    live_mass_note,
-    loading_note,
-    loading_percent,
-    unloaded,
-    without_live_mass,
-)
+from ema.circumference.mass_loading import unloaded, without_live_mass
 from ema.core.drift import NO_DRIFT
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
