@@ -229,7 +229,7 @@ def reference(model: ModalModel, seed: int) -> ReferenceCheck:
     noise = random.normal(size=(2, 6, exact.size)) * std
     runs = tuple(f"config_{run}.uff" for run in range(1, 7))
     values = exact + noise[0] + 1j * noise[1]
-    return ReferenceCheck(runs, frequency_hz, values, np.full(values.shape, std), 1.02, True)
+    return ReferenceCheck(runs, frequency_hz, values, np.full(values.shape, std), 1.02, std, True)
 
 
 def findings() -> tuple[Finding, ...]:

@@ -49,6 +49,7 @@ class ReferenceCheck(ReadonlyArrays):
     values: NDArray[np.complex128]  # inertance, (n_runs, n_frequencies)
     std: NDArray[np.float64]  # its standard deviation per quadrature
     ratio: float  # RMS deviation from the mean over its std: 1 is pure noise; NaN if unknown
+    share: float  # RMS deviation from the mean over the RMS of the mean
     consistent: bool  # whether the runs show one tyre, as far as noise lets one see
 
 
@@ -62,13 +63,15 @@ def check_reference(
     freedom = 2 * (values.shape[0] - 1)
     ratio = np.sqrt(np.mean(np.sum(np.abs(values - values.mean(axis=0)) ** 2, axis=0) / level**2))
     ratio = float(ratio / np.sqrt(freedom)) if freedom else np.nan  # one run has nothing beside it
+    share = float(np.linalg.norm(values.std(axis=0)) / np.linalg.norm(values.mean(axis=0)))
     return ReferenceCheck(
         run=reference.run,
         frequency_hz=reference.frequency_hz[lines],
         values=values,
         std=std,
         ratio=ratio,
-        consistent=not ratio > settings.consistent_ratio,
+        share=share,
+        consistent=not (ratio > settings.consistent_ratio and share > settings.consistent_share),
     )
 
 
@@ -158,10 +161,14 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
 
 def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -> Finding:
     """Verdict on the reference sensor as a line of ``quality.csv``."""
-    deviation = f"deviation over the runs is {check.ratio:.2f} times its noise "
+    deviation = (
+        f"deviation over the runs is {check.ratio:.2f} times its noise (limit "
+        f"{settings.consistent_ratio:g}) and {100 * check.share:.2g} % of its FRF (limit "
+        f"{100 * settings.consistent_share:g} %)"
+    )
     if np.isnan(check.ratio):
         verdict, says = Verdict.WARNING, "its noise is unknown with a single average"
-        deviation = "deviation over the runs cannot be judged "
+        deviation = "deviation over the runs cannot be judged"
     elif check.consistent:
         verdict, says = Verdict.OK, "the runs show the same tyre"
     else:
@@ -172,7 +179,7 @@ def reference_finding(check: ReferenceCheck, settings: CheckSettings = CHECKS) -
         position_deg=None,
         check=Check.REFERENCE,
         verdict=verdict,
-        detail=f"{deviation}(limit {settings.consistent_ratio:g}): {says}",
+        detail=f"{deviation}: {says}",
     )
 
 

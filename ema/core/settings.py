@@ -219,6 +219,12 @@ class CheckSettings:
     consistent_ratio: float = _setting(
         1.5, "σ", "the fixed sensor's runs differ by more than this: the tyre changed", _ACCURACY
     )
+    consistent_share: float = _setting(
+        0.01,
+        "–",
+        "… and by more than this share of its FRF",
+        "0.03 % of the frequencies of modes with 3 % damping",
+    )
     steadiness_p_value: float = _setting(
         1e-4, "–", "a change within a run, or with level, is named below this chance", "t-test"
     )

@@ -147,7 +147,7 @@ def _reference_verdict(check: ReferenceCheck | None, *, judged_by_modes: bool) -
         return Paragraph(text, "warning")
     found = (
         f"At the reference sensor the runs differ {number(check.ratio, 3)} times as much as noise "
-        "explains (1 is noise alone)"
+        f"explains (1 is noise alone), by {number(100 * check.share, 2)} % of its FRF"
     )
     if check.consistent:
         return Paragraph(f"{found}: they show the same tyre.", "good")

@@ -54,6 +54,14 @@ def test_a_tyre_that_drifts_is_noticed():
     assert f"{check.ratio:.2f} times its noise" in finding.detail
 
 
+def test_a_change_too_small_to_matter_is_no_other_tyre():
+    """What the compensation of masses leaves, seen by long recordings with little noise."""
+    check = check_reference(reference_frf(drift_percent=0.01, snr_db=80), BAND_HZ)
+    assert check.ratio > 1.5
+    assert check.share < 0.01
+    assert check.consistent
+
+
 def test_the_ratio_grows_with_the_drift():
     ratios = [
         check_reference(reference_frf(drift_percent=drift), BAND_HZ).ratio

@@ -45,7 +45,7 @@ def test_those_of_python_replace_those_of_the_manifest(campaign_copy, edit_manif
 
 
 def test_a_loaded_reference_is_checked_with_the_recorded_threshold(short_campaign, tmp_path):
-    options = Options(tune=False, checks=CheckSettings(consistent_ratio=1e-3))
+    options = Options(tune=False, checks=CheckSettings(consistent_ratio=1e-3, consistent_share=0.0))
     save(process(short_campaign, options), tmp_path / "result", report=False)
     assert not load(tmp_path / "result").reference.consistent
 
