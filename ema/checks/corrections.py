@@ -30,7 +30,7 @@ _FEWEST_AVERAGED = 3
 # Noise has a coherence of one over the number of averages: fewer do not tell it from a response.
 _FEW_AVERAGES = 6.0
 # An FRF with less than this share of the usual size is rounding of a constant signal.
-_ROUNDING = 1e-9
+_ROUNDING = 1e-12
 
 
 class DecidedBy(StrEnum):
