@@ -67,7 +67,7 @@ class Reason(StrEnum):
     TORSION = "torsion", "the torsion contradicts the frequencies", State.DOUBTFUL
     UNTESTED = "untested", "no more orders than unknowns: nothing tests the ring", State.DOUBTFUL
     BOUND = "at bound", "a parameter ended on a limit", State.DOUBTFUL
-    ORDER_1 = "order 1 not tested", "order 1 is not testable without the torsion", State.GOOD
+    ORDER_1 = "order 1 not tested", "order 1 not tested without torsion", State.GOOD
     NUMBERS = "orders not tested", "frequencies alone do not test the orders' numbers", State.GOOD
 
 

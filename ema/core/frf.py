@@ -159,9 +159,7 @@ class FRF(ReadonlyArrays):
             if not getattr(self, name).size:
                 object.__setattr__(self, name, readonly(np.zeros(self.n_positions)))
         if not self.axis.size:
-            object.__setattr__(
-                self, "axis", readonly(np.zeros(self.n_positions), np.dtype(np.int_))
-            )
+            object.__setattr__(self, "axis", readonly(np.zeros(self.n_positions), np.dtype(int)))
 
     @classmethod
     def from_arrays(
@@ -255,18 +253,15 @@ class FRF(ReadonlyArrays):
 
         What is fitted is then what a result holds, to the last digit.
         """
-        coherence, std = (
-            each.astype(np.float32).astype(float) for each in (self.coherence, self.std)
-        )
+        both = self.coherence, self.std
+        coherence, std = (each.astype(np.float32).astype(float) for each in both)
         fixed = None if self.reference is None else self.reference.as_stored()
         return replace(self, coherence=coherence, std=std, reference=fixed)
 
     def rows(self, chosen: NDArray[np.generic]) -> FRF:
         """Keep the chosen rows (indices or a mask) only."""
         arrays = {name: getattr(self, name)[chosen] for name in ROW_ARRAYS}
-        run, channel = (
-            tuple(np.asarray(names, dtype=object)[chosen]) for names in (self.run, self.channel)
-        )
+        run, channel = (tuple(np.array(x, dtype=object)[chosen]) for x in (self.run, self.channel))
         return replace(self, run=run, channel=channel, all_runs=self._in_order, **arrays)
 
     def coherent_band_hz(self, good: float = CHECKS.good_coherence) -> tuple[float, float]:
@@ -310,9 +305,8 @@ class FRF(ReadonlyArrays):
     ) -> tuple[float, float]:
         """Band of views and of an identification: where coherence is good.
 
-        For a tyre, which positions on a circle make it by default, from 20 Hz to the end of good
-        coherence, 300 Hz at most: below its first mode a tyre hardly responds, so that poor
-        coherence there does not end the band.
+        For a tyre (by default: positions on a circle) from 20 Hz to the end of good coherence,
+        300 Hz at most: below its first mode a tyre hardly responds.
         """
         low, high = self.coherent_band_hz(good)
         if not (np.all(np.isfinite(self.position_deg)) if is_tyre is None else is_tyre):
@@ -395,8 +389,7 @@ class FRF(ReadonlyArrays):
             on_circle = bool(np.isfinite(self.position_deg).all())
             name = "position_deg" if on_circle else "node"
             wide = frame_of(dict(enumerate(self.values))).set_axis(getattr(self, name), axis=1)
-            wide = wide.set_axis(self.frequency_hz)
-            return wide.rename_axis(index="frequency_hz", columns=name)
+            return wide.set_axis(self.frequency_hz).rename_axis(index="frequency_hz", columns=name)
         if form != "long":
             raise InputError("form", repr(form), "it is 'long' or 'wide'", "Choose one of them")
         n_lines = self.frequency_hz.size
@@ -426,6 +419,7 @@ class FRF(ReadonlyArrays):
         lines = (self.frequency_hz >= band[0]) & (self.frequency_hz <= band[1])
         within = self.coherence[:, lines]
         known = within[np.isfinite(within)]
+        median = f"{np.median(known):.4f}" if known.size else "unknown"
         level = np.sqrt(np.mean(np.abs(self.values[:, lines]) ** 2, axis=0))
         curve = level_path(self.frequency_hz[lines], level, 480, 130)
         told = facts(
@@ -435,10 +429,7 @@ class FRF(ReadonlyArrays):
                 ("frequencies", self._lines()),
                 ("runs", ", ".join(self.run_names)),
                 ("independent averages", averages),
-                (
-                    f"coherence γ², median {band_text(band)}",
-                    f"{np.median(known):.4f}" if known.size else "unknown",
-                ),
+                (f"coherence γ², median {band_text(band)}", median),
                 ("reference sensor", "no" if self.reference is None else "yes, kept apart"),
             ],
         )

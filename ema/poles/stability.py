@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,9 @@ from numpy.typing import NDArray
 from ema.circumference.orders import on_circle
 from ema.core.display import band_text, counted, table
 from ema.core.drawings import plot, poles_picture
-from ema.core.errors import InputError, require_type
+from ema.core.errors import FitError, InputError, require_type
 from ema.core.frf import FRF
+from ema.core.modes import ModalModel, Mode, Pair
 from ema.core.numerics import (
     ReadonlyArrays,
     end_if_stopped,
@@ -37,10 +39,6 @@ from ema.poles.tracking import Cluster, PoleSelection, interpret, pole_history
 
 if TYPE_CHECKING:
     import pandas as pd
-from collections.abc import Sequence
-
-from ema.core.errors import FitError
-from ema.core.modes import ModalModel, Mode, Pair
 
 #: Pole estimators, and how they are written.
 METHOD_NAMES = {"lsce": "LSCE", "plscf": "p-LSCF"}
@@ -315,8 +313,7 @@ class Opinion:
     mode_hz: float  # frequency of the mode
     frequency_hz: float  # pole of the other estimator
     damping_ratio: float
-    # With the mode, or with what this estimator makes of the modes' own FRFs.
-    agrees: bool
+    agrees: bool  # with the mode, or with what it makes of the modes' own FRFs
 
 
 def second_opinion(
