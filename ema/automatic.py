@@ -27,7 +27,7 @@ from ema.checks.positions import (
     position_findings,
     unexplained_share,
 )
-from ema.checks.sensor_consistency import ConsistencyCheck, check_consistency, is_better, withheld
+from ema.checks.sensor_consistency import SLACK, ConsistencyCheck, check_consistency, is_better
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.mass_loading import Across
 from ema.circumference.orders import on_circle, without_order
@@ -232,9 +232,7 @@ class Basis:
     loaded : ModalModel or None
         The tyre with the sensors, where their mass was compensated.
     stated_deg : ndarray or None
-        Angles as stated, where others explain the shapes: modes are then fitted at those and
-        nothing is said of their orders. As of any structure, the members of pairs would be free at
-        all positions, and damping wrong by tens of per cent.
+        Angles as stated, where others explain the shapes: nothing is said of orders then.
     edits : tuple of Edit
         Of channels, which led here.
     is_preview : bool
@@ -242,7 +240,7 @@ class Basis:
     shown : EditedFit or None
         With edits.
     crossed : FRF or None
-        What the cross-check looked at, where that was not `frf`.
+        What the cross-check looked at, where not `frf`.
     by_itself, joint : Basis, JointModes or None
         What this force shows alone, where `fit` is that of several; off a circle the fit of all.
     """
@@ -347,7 +345,7 @@ def _with_sensors_checked(basis: Basis) -> Basis:
             return replace(basis, state=state)
         corrected_basis = basis.on(state)
         if not corrected_basis.is_better_than(basis):
-            return replace(basis, state=basis.state.told([withheld(check)]))
+            return replace(basis, state=basis.state.told([check.withheld]))
         basis = corrected_basis
     return basis
 
@@ -364,12 +362,15 @@ def _with_known_drift(basis: Basis) -> Basis:
 
 
 def _with_known_pairs(basis: Basis) -> Basis:
-    """With the mass of the sensors compensated by what the pairs show of the tyre."""
+    """With the mass of the sensors compensated by what the pairs show, while that fits."""
     for _ in range(_MASS_PASSES if basis.loads else 0):
         if not (across := across_forces([basis.fit.curve])[0]):
             break
-        basis = basis.across(across)
-        basis.fit.curve.find_pairs()
+        known = basis.across(across)
+        known.fit.curve.find_pairs()
+        if known.fit.model.misfit > SLACK * basis.fit.model.misfit:
+            break
+        basis = known
     return basis
 
 
@@ -385,10 +386,9 @@ def fit_modes(
     """Fit poles, residues and residual terms to all FRFs at once.
 
     Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
-    poles move within bounds around their start values. Where the FRFs come from blocks of a
-    random excitation, the bias of the window is compensated. Where the natural frequencies differ
-    from run to run by more than chance, each run gets its own state: shapes stay common, all
-    frequencies of a run move together, and the result is that of the first run.
+    poles move within bounds around their start values. The bias of the window is compensated for
+    blocks of a random excitation. Runs whose frequencies differ by more than chance have states of
+    their own with common shapes, and the result is that of the first.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ _ODD_RUN = 0.5
 # A run's force is of wrong sign or scale where nearly all its sensors show one and the same gain.
 _WHOLE_RUN = 0.9
 # The reduced χ² of the fit may rise by this factor for reasons of the search.
-_SLACK = 1.02
+SLACK = 1.02
 # … or by any, where the shapes come this much closer: orders that were hidden then have one pole
 # each instead of several that follow the errors.
 _FAR_CLOSER = 0.1
@@ -65,6 +65,15 @@ class ConsistencyCheck:
     def changed(self) -> bool:
         """Whether `frf` differs from what was checked."""
         return bool(self.corrections)
+
+    @property
+    def withheld(self) -> Finding:
+        """The finding for corrections that were tried and did not help."""
+        detail = (
+            f"{len(self.findings)} corrections of sensors were tried; the modes did not come "
+            "closer to pure shapes. Nothing was changed"
+        )
+        return Finding("", "", None, Check.CORRECTIONS_WITHHELD, Verdict.WARNING, detail)
 
 
 def check_consistency(
@@ -109,17 +118,8 @@ def is_better(before: tuple[FRF, ModalModel], after: tuple[FRF, ModalModel]) -> 
         ring_shapes(*state, followed_by=MAJORITY) for state in (before, after)
     )
     left, was = shapes_after.misfit(), shapes_before.misfit()
-    worse_fit = after[1].misfit > _SLACK * before[1].misfit
+    worse_fit = after[1].misfit > SLACK * before[1].misfit
     return left < was and (not worse_fit or left < _FAR_CLOSER * was)
-
-
-def withheld(check: ConsistencyCheck) -> Finding:
-    """The finding for corrections that were tried and did not help."""
-    detail = (
-        f"{len(check.findings)} corrections of sensors were tried; the modes did not come closer "
-        "to pure shapes. Nothing was changed"
-    )
-    return Finding("", "", None, Check.CORRECTIONS_WITHHELD, Verdict.WARNING, detail)
 
 
 def _force_changes(frf: FRF, shapes: RingShapes, settings: CheckSettings) -> dict[int, _Change]:

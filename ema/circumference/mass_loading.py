@@ -20,8 +20,10 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and residues of ss − cc
 
-# After each pass, what is left of the live mass is a tenth.
-_LIVE_PASSES = 2
+# Passes over the inertance at the force: each leaves a tenth to a half, most of a sharp resonance.
+_LIVE_PASSES = 6
+# Factors of the live mass that change by less are known as well as the sensors are.
+_LIVE_KNOWN = 1e-3
 # √(K/ρh)/(2πa), frequency of extension of a belt; that of the paper's tyre (Table 4).
 _STRETCH_HZ = 545.0
 # √(k_θ/ρh)/2π, torsion of a belt on its rim: that of rings of car tyres, 30 to 60 Hz.
@@ -79,9 +81,13 @@ def unloaded(
     loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}
     average = without_live_mass(frf, live_mass_kg, excitation_deg)
     bare, at_force = _bared(average, *loading)
+    before: Complex | float = 0.0
     for _ in range(_LIVE_PASSES if live_mass_kg else 0):
         factors = {name: 1 + live_mass_kg * own for name, own in at_force.items()}
-        mean = np.mean(list(factors.values()), axis=0)
+        now = np.array(list(factors.values()))
+        if np.max(np.abs(now - before)) < _LIVE_KNOWN:
+            break
+        before, mean = now, now.mean(axis=0)
         bare, at_force = _bared(_scaled(frf, factors, mean), *loading)
     return bare
 
@@ -135,7 +141,8 @@ def _bared(
     bare = replace(frf, values=values[: frf.n_positions])
     if fixed is not None:
         bare = replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
-    at_force = _drive_point(bare, excitation_deg) - push[-len(names) :]
+    drive = np.tile(_drive_point(bare, excitation_deg), (len(names), 1, 1))
+    at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0] - push[-len(names) :]
     return bare, dict(zip(names, at_force, strict=True))
 
 
