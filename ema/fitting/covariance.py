@@ -190,6 +190,7 @@ def _shift(
     frequency_hz, half_width_hz = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
     low, high = lines.frequency_hz[[0, -1]]
     inside = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
+    inside &= half_width_hz > 0  # states of the runs may leave a weak pole without decay
     shift = np.full((fit.poles.size, 2), np.nan)
     if not np.any(inside):
         return shift
