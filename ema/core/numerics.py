@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
+# Answers kept for one object: two bands for two estimators, four draws of the noise.
+_KEPT_ANSWERS = 8
 # A variable of the context: fits in other threads are not stopped.
 _STOP: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
 
@@ -140,15 +142,19 @@ def one_blas_thread(function: Callable[Arguments, Answer]) -> Callable[Arguments
 def kept_with(
     function: Callable[Concatenate[Of, Arguments], Answer],
 ) -> Callable[Concatenate[Of, Arguments], Answer]:
-    """Keep a function's answers as long as its first argument lives, for each of the others."""
+    """Keep a function's last answers for its first argument as long as that lives."""
     kept: WeakKeyDictionary[Of, dict[object, Answer]] = WeakKeyDictionary()
 
     @wraps(function)
     def cached(of: Of, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Answer:
         known, key = kept.setdefault(of, {}), (args, tuple(kwargs.items()))
-        if key not in known:
-            known[key] = function(of, *args, **kwargs)
-        return known[key]
+        if key in known:
+            return known[key]
+        answer = function(of, *args, **kwargs)
+        while len(known) >= _KEPT_ANSWERS:
+            known.pop(next(iter(known)), None)
+        known[key] = answer
+        return answer
 
     return cached
 
