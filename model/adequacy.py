@@ -218,8 +218,8 @@ def judge_tuning(
     elif all(each.order != 1 for each in evidence) and not order_1_is_tested(search, values):
         percent = f"{100 * problem.priors.order_1_std:g} %"
         detail = (
-            f"k_θ rests on order 1 alone; its ± allows for an error of {percent} in order 1, that of "
-            "the other parameters does not"
+            f"k_θ rests on order 1 alone; its ± allows for an error of {percent} in order 1, that "
+            "of the other parameters does not"
         )
         evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(
