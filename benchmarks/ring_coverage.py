@@ -152,7 +152,7 @@ def coverage(name: str, n_tyres: int) -> None:
             f"  {key:32s} {100 * np.mean(hits):5.1f} % of {len(hits)}, "
             f"identified {claims[key]}, median ± {np.median(sizes[key]):.2g} %"
         )
-    for what, off in zip(("", ", calibration taken off"), np.transpose(belt), strict=False):
+    for what, off in zip(("", ", without calibration error"), np.transpose(belt), strict=False):
         print(
             f"  belt mass{what} off by {np.std(off):.2f} % rms, at most {np.abs(off).max():.2f} %"
         )

@@ -320,7 +320,7 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
 
 
 def _first_fit(state: State, asked: Asked, poles: _Poles, *, trusted: bool) -> Basis:
-    """The fit without the mass of the sensors, of which what is wrong is put right before."""
+    """The fit without the mass of the sensors, after the sensors at fault are corrected."""
     screened, loaded = state.usable, None
     if state.mass is not None and trusted:
         # Poles as found will do: what the mass does to pairs is not worth sorting out.
