@@ -112,7 +112,7 @@ class Sight:
         """Of the session."""
         return self.session.revision
 
-    @cached_property
+    @property  # kept, it would be a cycle that holds FRFs until the garbage collector comes
     def of_forces(self) -> tuple[Sight, ...]:
         """The same against each of several forces, or this one alone.
 

@@ -1,8 +1,10 @@
 """A review: edits, undo and redo, two pages, what survives a kill, and what is signed."""
 
+import gc
 import json
 import socket
 import subprocess
+import weakref
 from dataclasses import replace
 from urllib.parse import urlsplit
 
@@ -12,10 +14,12 @@ import pandas as pd
 import pytest
 from reviewing import copied, review, served, token_in, until
 
+from ema.core.edits import ChannelName, Edit, EditKind
 from pipelines.process.run import process
 from pipelines.report.write import save
 from pipelines.results.edits_file import read_edits
 from pipelines.results.store import load
+from pipelines.review.bench import Bench
 
 
 def arrays(answer):
@@ -235,6 +239,31 @@ def test_many_edits_at_once_end_in_the_last_ones_numbers(page):
     assert state["stage"] == "final"
     channels = {each["sign"] for each in state["channels"] if each["channel"] == "A03"}
     assert channels == {-1}
+
+
+def test_what_an_edit_replaced_is_freed_at_once(folder):
+    """A cycle would hold its FRFs until the garbage collector comes: hundreds of megabytes."""
+
+    class Asleep:
+        def wake(self, work):
+            """Steps are done below."""
+
+    bench = Bench("tyre", folder, Asleep(), lambda state: None)
+    gc.collect()
+    gc.disable()
+    try:
+        fitted = []
+        for channel in ("A03", "A04", "A05", "A06"):
+            flip = Edit(EditKind.FLIP, channel=ChannelName(channel))
+            bench.applied(bench.session.revision, flip)
+            while bench.step(lambda: False):
+                bench.state()
+            fitted.append(weakref.ref(bench.sight().frf))
+        assert fitted[0]() is None
+        assert fitted[-1]() is not None
+    finally:
+        gc.enable()
+        bench.close()
 
 
 def comparable(folder):
