@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import fft, ifft, irfft, rfft
+from scipy.fft import fft, irfft, rfft
 from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
 
 from ema.core.frf import FRF, ForceRecord
@@ -23,14 +25,8 @@ _LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
 _VALUES = 20
 # Rows that agree within this are multiples of each other.
 _SAME_ROW = 1e-9
-# Samples × poles × runs up to which the force as recorded is used for steady noise; beyond that,
-# many averages leave little more than the mean that the window's autocorrelation gives …
-_MOST_WORK = 4_000_000
-# … where the spectrum of the force differs between lines by no more than this many times what
-# chance does (1.0 ± 0.06): a shaker yields at sharp resonances, 1.9 at a damping of 0.4 %.
-_EVEN = 1.3
-# Rate that the force is reduced to, over the highest line: room for the window's side lobes.
-_ROOM = 1.2
+# Lines that a window mixes: those with at least this share of the largest, and how many.
+_LEAST_TERM, _MOST_TERMS = 1e-5, 999
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -123,13 +119,6 @@ def force_density(record: ForceRecord) -> NDArray[np.float64]:
     return 2 * _force_power(record) / share
 
 
-def _is_even(record: ForceRecord, lines: NDArray[np.int_]) -> bool:
-    """Whether the force is noise without structure as narrow as some lines."""
-    level = np.log(np.maximum(_force_power(record), np.finfo(float).tiny))
-    rough = (level - uniform_filter1d(level, SMOOTHING_LINES))[lines[lines > 0] - 1]
-    return bool(np.std(rough) * np.sqrt(record.plan.n_blocks) < _EVEN)
-
-
 @kept_with
 def _force_power(record: ForceRecord) -> NDArray[np.float64]:
     """Power of the force on the lines, summed over the blocks."""
@@ -170,11 +159,6 @@ def leakage_of(
     assert plan is not None
     lines = np.round(frequency_hz * plan.block_s).astype(int)
     exact = _rows_with_force(frf)
-    records = [frf.exact_forces[name] for name in exact]
-    n_modes = max((own.size for own in poles.values()), default=0)
-    work = n_modes * sum(each.plan.n_blocks * each.plan.step_samples for each in records)
-    if work > _MOST_WORK and all(each.is_steady and _is_even(each, lines) for each in records):
-        exact = {}
     of_force = {name: _of_force(frf.exact_forces[name], lines, poles[name]) for name in exact}
     of_noise: dict[bytes, NDArray[np.complex128]] = {}  # runs in the same state share it
     for own in poles.values() if not plan.event_starts else ():
@@ -240,45 +224,88 @@ def _of_force(
 ) -> NDArray[np.complex128]:
     """Error of each pole for the force as recorded, (n_poles, n_lines).
 
-    Only positive frequencies up to the highest line are computed, at the rate that they need. What
-    came before the recording is taken to resemble its end; it has rung out within the first block.
+    A block sees y_k = e^{sΔt} y_{k−1} + Δt f_k: on its lines, Y = (Δt F + x₀ − x₁)/(1 − e^{sΔt−jωΔt})
+    with the states x = e^{sΔt} y before its first sample and after its last. A window mixes lines.
     """
     plan = record.plan
-    step = _decimation(plan, int(lines.max()))
-    n_samples = plan.starts[-1] + plan.block_samples
-    n_block = plan.block_samples // step
-    force = record.force.block(0, n_samples)
-    spectrum = fft(force - force.mean())[: n_samples // step]
-    turn = np.exp(-2j * np.pi * np.arange(spectrum.size) / n_samples)
-    own_turn = np.exp(-2j * np.pi * lines / plan.block_samples)
-    starts = np.array(plan.starts) // step
-    place = starts[:, None] + np.arange(n_block)
-    taper = plan.taper[::step]
-
-    def blocks(through: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return np.asarray(fft(ifft(through)[place] * taper, overwrite_x=True)[:, lines])
-
-    of_force = blocks(spectrum)
-    power = np.sum(np.abs(of_force) ** 2, axis=0)
-    weight = of_force.conj() / np.maximum(power, np.finfo(float).tiny)
-    error = np.empty((poles.size, lines.size), dtype=complex)
+    seen = _seen_force(record, tuple(lines.tolist()))
     step_s = 1 / plan.sampling_rate_hz
-    for row, pole in enumerate(poles):
-        decay = np.exp(pole * step_s)
-        # Steady response to sampled forces: Σ e^{s k Δt} e^{−jω k Δt} Δt.
-        through = blocks(step_s * spectrum / (1 - decay * turn))
-        seen = np.sum(weight * through, axis=0)
-        error[row] = pole**2 * (seen - step_s / (1 - decay * own_turn))
-    return error
+    decay = np.exp(poles * step_s)
+    first, last = _states(record, decay)
+    ends = (first - last).T @ seen.weight
+    error = np.zeros((poles.size, lines.size), dtype=complex)
+    for offset, share, force in zip(seen.offset, seen.share, seen.force, strict=True):
+        turn = np.exp(-2j * np.pi * (lines - offset) / plan.block_samples)
+        error += share * step_s * (force + ends) / (1 - decay[:, None] * turn)
+    own_turn = np.exp(-2j * np.pi * lines / plan.block_samples)
+    error -= step_s / (1 - decay[:, None] * own_turn)
+    return np.asarray(poles[:, None] ** 2 * error)
 
 
-def _decimation(plan: BlockPlan, highest_line: int) -> int:
-    """Largest divisor of block and step that keeps the lines; 1 for windows with hard ends."""
-    if plan.window == "boxcar":
-        return 1
-    common = np.gcd(plan.block_samples, plan.step_samples)
-    most = max(int(plan.block_samples / (_ROOM * highest_line)), 1)
-    return int(max(step for step in range(1, most + 1) if common % step == 0))
+@dataclass(frozen=True)
+class _SeenForce:
+    """Force of a run as its blocks see it on some lines."""
+
+    offset: NDArray[np.int_]  # (n_terms,), between the lines that the window mixes
+    share: NDArray[np.complex128]  # (n_terms,), of each in the mixture
+    weight: NDArray[np.complex128]  # (n_blocks, n_lines), of each block in H1
+    force: NDArray[np.complex128]  # (n_terms, n_lines), of the mixed lines, weighed
+
+
+@kept_with
+def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
+    """The window's terms, and the force on some lines; no pole matters."""
+    plan, lines = record.plan, np.array(chosen)
+    n = plan.block_samples
+    terms = fft(plan.taper) / n
+    largest = np.argsort(-np.abs(terms), kind="stable")[:_MOST_TERMS]
+    largest = largest[np.abs(terms[largest]) > _LEAST_TERM * np.abs(terms[largest[0]])]
+    offset, share = np.where(largest > n // 2, largest - n, largest), terms[largest]
+    weight = np.empty((plan.n_blocks, lines.size), dtype=complex)
+    mixed = np.zeros((offset.size, lines.size), dtype=complex)
+    place = lines - offset[:, None]
+    mean = _mean(record)
+    for number, start in enumerate(plan.starts):
+        spectrum = rfft(record.force.block(start, start + n) - mean)
+        found = spectrum[np.abs(place)]
+        found = np.where(place < 0, found.conj(), found)
+        weight[number] = (share @ found).conj()
+        mixed += weight[number] * found
+    power = np.maximum(np.sum(np.abs(weight) ** 2, axis=0), np.finfo(float).tiny)
+    return _SeenForce(offset, share, weight / power, mixed / power)
+
+
+def _mean(record: ForceRecord) -> float:
+    """Mean of the force over all blocks."""
+    return float(np.mean(record.force.block(0, record.plan.starts[-1] + record.plan.block_samples)))
+
+
+def _states(
+    record: ForceRecord, decay: NDArray[np.complex128]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """States before and after every block over Δt, (n_blocks, n_poles).
+
+    What came before the recording is taken to resemble its end; it has rung out within the first
+    block.
+    """
+    plan = record.plan
+    starts = np.array(plan.starts)
+    bounds = np.unique(np.concatenate([[0], starts, starts + plan.block_samples]))
+    longest = int(np.max(np.diff(bounds)))
+    parts = np.zeros((bounds.size - 1, longest))
+    mean = _mean(record)
+    for row, (start, stop) in enumerate(pairwise(bounds.tolist())):
+        parts[row, longest - (stop - start) :] = record.force.block(start, stop) - mean
+    powers = np.vander(decay, longest + 1)[:, :-1].T  # e^{sΔt} to the power of longest … 1
+    gained = parts @ powers.real + 1j * (parts @ powers.imag)
+    kept = decay ** np.diff(bounds)[:, None]
+    states = np.zeros((bounds.size, decay.size), dtype=complex)
+    for _ in range(2):  # around once, to begin with the state at the end
+        states[0] = states[-1]
+        for row in range(bounds.size - 1):
+            states[row + 1] = kept[row] * states[row] + gained[row]
+    before, after = (np.searchsorted(bounds, each) for each in (starts, starts + plan.block_samples))
+    return states[before], states[after]
 
 
 def _of_noise(plan: BlockPlan, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
