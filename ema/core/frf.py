@@ -48,7 +48,6 @@ class ForceRecord:
 
     force: Channel
     plan: BlockPlan  # blocks of this run
-    is_steady: bool  # whether it is steady noise, not a sweep, bursts or impacts
 
 
 @dataclass(frozen=True, eq=False)

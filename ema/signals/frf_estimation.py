@@ -152,7 +152,7 @@ def _estimated(
 ) -> FRF | References:
     with ThreadPoolExecutor(available_threads()) as pool:
         runs, findings = without_damage(list(map(_forces_as_sensors, campaign.runs)), pool.map)
-        steady, plans, remarks = _plans(runs, processing)
+        plans, remarks = _plans(runs, processing)
         findings += remarks
         measured: list[_Measured] = []
         for part, slips in pool.map(lambda run: _run_spectra(run, plans[run.name]), runs):
@@ -166,7 +166,7 @@ def _estimated(
         [each for each in measured if each.run.references == places]
         for places in dict.fromkeys(each.run.references for each in measured)
     ]
-    frfs = [_of_one_place(each, campaign.reference_deg, estimator, steady) for each in groups]
+    frfs = [_of_one_place(each, campaign.reference_deg, estimator) for each in groups]
     if len(groups) == 1 and measured[0].joint is None:
         return replace(frfs[0], findings=findings)
     if any(each.joint is not None for each in measured):
@@ -190,7 +190,7 @@ def _forces_apart(run: Run) -> Run:
 
 
 def _of_one_place(
-    measured: Sequence[_Measured], reference_deg: float | None, estimator: str, steady: bool
+    measured: Sequence[_Measured], reference_deg: float | None, estimator: str
 ) -> FRF:
     """FRFs of runs whose first force acts at one place."""
     runs, spectra = [each.run for each in measured], [each.spectra for each in measured]
@@ -198,7 +198,7 @@ def _of_one_place(
     frf = positions_frf(runs, spectra, plan, estimator)
     reference = reference_frf(runs, reference_deg, spectra, plan, estimator)
     forces = {
-        run.name: ForceRecord(run.force, each.plan, steady)
+        run.name: ForceRecord(run.force, each.plan)
         for run, each in zip(runs, measured, strict=True)
         if not run.force.gaps
     }
@@ -222,8 +222,8 @@ def _of_joint_forces(
 
 def _plans(
     runs: Sequence[Run], processing: Processing
-) -> tuple[bool, dict[str, BlockPlan], tuple[Finding, ...]]:
-    """Whether the force is steady, and the blocks of each run, at its hits or bursts if any."""
+) -> tuple[dict[str, BlockPlan], tuple[Finding, ...]]:
+    """The blocks of each run, at its hits or bursts if any."""
     rate = runs[0].recording.sampling_rate_hz
     events = {run.name: find_events(run.force, rate) for run in runs}
     separate = all(len(each) > 1 for each in events.values())
@@ -235,12 +235,12 @@ def _plans(
     if found is None:
         whole = {run.name: plan.for_length(run.recording.n_samples) for run in runs}
         if not all(is_one_early_hit(events[run.name], whole[run.name]) for run in runs):
-            return steady, whole, ()
+            return whole, ()
         found = whole, ()
     plans, remarks = found
     hits = all(event.pulses for each in events.values() for event in each)
     windows = window_findings(runs, plans, processing.exponential_window, hits=hits)
-    return False, plans, (*remarks, *windows)
+    return plans, (*remarks, *windows)
 
 
 def _common_plan(runs: Sequence[Run], processing: Processing, *, steady: bool) -> BlockPlan:

@@ -224,8 +224,9 @@ def _of_force(
 ) -> NDArray[np.complex128]:
     """Error of each pole for the force as recorded, (n_poles, n_lines).
 
-    A block sees y_k = e^{sΔt} y_{k−1} + Δt f_k: on its lines, Y = (Δt F + x₀ − x₁)/(1 − e^{sΔt−jωΔt})
-    with the states x = e^{sΔt} y before its first sample and after its last. A window mixes lines.
+    A block sees y_k = z y_{k−1} + Δt f_k, z = e^{sΔt}: on its lines
+    Y = (Δt F + x₀ − x₁)/(1 − z e^{−jωΔt}), x = z y before its first sample and at its last one. A
+    window mixes lines.
     """
     plan = record.plan
     seen = _seen_force(record, tuple(lines.tolist()))
@@ -264,9 +265,9 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     weight = np.empty((plan.n_blocks, lines.size), dtype=complex)
     mixed = np.zeros((offset.size, lines.size), dtype=complex)
     place = lines - offset[:, None]
-    mean = _mean(record)
+    force = _force(record)
     for number, start in enumerate(plan.starts):
-        spectrum = rfft(record.force.block(start, start + n) - mean)
+        spectrum = rfft(force[start : start + n])
         found = spectrum[np.abs(place)]
         found = np.where(place < 0, found.conj(), found)
         weight[number] = (share @ found).conj()
@@ -275,9 +276,10 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     return _SeenForce(offset, share, weight / power, mixed / power)
 
 
-def _mean(record: ForceRecord) -> float:
-    """Mean of the force over all blocks."""
-    return float(np.mean(record.force.block(0, record.plan.starts[-1] + record.plan.block_samples)))
+def _force(record: ForceRecord) -> NDArray[np.float64]:
+    """Force of all blocks, without its mean."""
+    force = record.force.block(0, record.plan.starts[-1] + record.plan.block_samples)
+    return np.asarray(force - force.mean())
 
 
 def _states(
@@ -288,14 +290,13 @@ def _states(
     What came before the recording is taken to resemble its end; it has rung out within the first
     block.
     """
-    plan = record.plan
-    starts = np.array(plan.starts)
-    bounds = np.unique(np.concatenate([[0], starts, starts + plan.block_samples]))
+    starts = np.array(record.plan.starts)
+    stops = starts + record.plan.block_samples
+    bounds = np.unique(np.concatenate([[0], starts, stops]))
     longest = int(np.max(np.diff(bounds)))
-    parts = np.zeros((bounds.size - 1, longest))
-    mean = _mean(record)
+    parts, force = np.zeros((bounds.size - 1, longest)), _force(record)
     for row, (start, stop) in enumerate(pairwise(bounds.tolist())):
-        parts[row, longest - (stop - start) :] = record.force.block(start, stop) - mean
+        parts[row, longest - (stop - start) :] = force[start:stop]
     powers = np.vander(decay, longest + 1)[:, :-1].T  # e^{sΔt} to the power of longest … 1
     gained = parts @ powers.real + 1j * (parts @ powers.imag)
     kept = decay ** np.diff(bounds)[:, None]
@@ -304,8 +305,7 @@ def _states(
         states[0] = states[-1]
         for row in range(bounds.size - 1):
             states[row + 1] = kept[row] * states[row] + gained[row]
-    before, after = (np.searchsorted(bounds, each) for each in (starts, starts + plan.block_samples))
-    return states[before], states[after]
+    return states[np.searchsorted(bounds, starts)], states[np.searchsorted(bounds, stops)]
 
 
 def _of_noise(plan: BlockPlan, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:

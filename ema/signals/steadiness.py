@@ -24,8 +24,10 @@ from ema.core.numerics import available_threads
 from ema.core.recording import DERIVATIVES, Channel
 from ema.core.settings import CHECKS, CheckSettings
 
-# Sensors of a run that are looked at; more would cost time and tell the same.
-_SENSORS = 6
+# Sensors of a run that are looked at, fewer of long recordings: more would cost time and tell the
+# same.
+_SENSORS, _FEWEST_SENSORS = 6, 3
+_SAMPLES_OF_ALL = 1 << 20
 # Length of a piece: a few time constants of a mode.
 _PIECE_S = 0.25
 # What happened before the recording is unknown; it has rung out after this time.
@@ -122,7 +124,7 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     step = max(round(_PIECE_S * (last - first) * rate / n), 1)
     n_pieces = (last - first) // step
     force = _spectrum(run.force, n)[first:last]
-    sensors = _sensors(run, frf)
+    sensors = _sensors(run, frf, max(_SAMPLES_OF_ALL // n, _FEWEST_SENSORS))
     if not np.all(np.isfinite(force)) or n_pieces < _FEWEST_PIECES or not sensors:
         return None
     omega = 2 * np.pi * np.arange(first, last) * rate / n
@@ -201,8 +203,8 @@ def _sweeps(force: NDArray[np.complex128], n_pieces: int, step: int) -> bool:
     return bool(np.sqrt(np.average((centre - mean) ** 2, weights=power)) > _SWEEPING)
 
 
-def _sensors(run: Run, frf: FRF) -> list[tuple[Response, int]]:
-    """Sensors of a run with their rows, spread over the run."""
+def _sensors(run: Run, frf: FRF, most: int) -> list[tuple[Response, int]]:
+    """Up to so many sensors of a run with their rows, spread over the run."""
     place = np.where(np.isfinite(frf.position_deg), np.round(frf.position_deg, 6), frf.node)
     rows = {float(key): row for row, key in enumerate(place)}
 
@@ -212,7 +214,7 @@ def _sensors(run: Run, frf: FRF) -> list[tuple[Response, int]]:
         return float(-1 if response.node is None else response.node)
 
     known = [(each, rows[key(each)]) for each in run.responses if key(each) in rows]
-    chosen = np.unique(np.linspace(0, len(known) - 1, min(_SENSORS, len(known))).astype(int))
+    chosen = np.unique(np.linspace(0, len(known) - 1, min(most, _SENSORS, len(known))).astype(int))
     return [known[k] for k in chosen]
 
 

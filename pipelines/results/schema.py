@@ -99,7 +99,6 @@ class StoredForce:
     run: str
     channel: str
     plan: BlockPlan
-    is_steady: bool
 
 
 @dataclass(frozen=True)

@@ -154,7 +154,7 @@ def write_identification(result: Result, folder: Path) -> None:
 def _about_rows(frf: FRF) -> dict[str, Any]:
     """What is known of the rows and forces of FRFs beside their table."""
     forces = [
-        {"run": run, "channel": each.force.name, "plan": each.plan, "is_steady": each.is_steady}
+        {"run": run, "channel": each.force.name, "plan": each.plan}
         for run, each in frf.forces.items()
     ]
     return {"rows": {name: getattr(frf, name) for name in _OF_ROWS}, "forces": forces}
@@ -214,7 +214,7 @@ def _read_forces(path: Path, forces: Sequence[schema.StoredForce]) -> dict[str, 
         if own.size != each.plan.starts[-1] + each.plan.block_samples:
             raise table.unusable(f"{own.size} samples of {each.run}", "they must fill its blocks")
         channel = Channel(each.channel, FORCE, "N", own)
-        found[each.run] = ForceRecord(channel, each.plan, each.is_steady)
+        found[each.run] = ForceRecord(channel, each.plan)
     return found
 
 
