@@ -322,7 +322,7 @@ class FRF(ReadonlyArrays):
         -------
         xarray.Dataset
             ``inertance``, ``std`` and ``coherence`` over (``position``, ``frequency_hz``), with
-            ``position_deg``, ``node``, ``run`` and ``channel`` along the positions.
+            ``position_deg``, ``node``, ``axis``, ``run`` and ``channel`` along the positions.
 
         Raises
         ------
@@ -344,7 +344,7 @@ class FRF(ReadonlyArrays):
         along = {
             "frequency_hz": ("frequency_hz", np.array(self.frequency_hz), {"units": "Hz"}),
             "position_deg": ("position", np.array(self.position_deg), {"units": "degree"}),
-            "node": ("position", np.array(self.node)),
+            **{name: ("position", np.array(getattr(self, name))) for name in ("node", "axis")},
             "run": ("position", list(self.run)),
             "channel": ("position", list(self.channel)),
         }
@@ -363,9 +363,10 @@ class FRF(ReadonlyArrays):
         Returns
         -------
         pandas.DataFrame
-            In long form: ``position_deg`` (NaN off a circle), ``node`` (−1 without), ``run``,
-            ``channel``, ``frequency_hz``, ``inertance`` (complex, (m/s²)/N), ``std`` (of its real
-            and of its imaginary part, (m/s²)/N) and ``coherence``; NaN where unknown.
+            In long form: ``position_deg`` (NaN off a circle), ``node`` (−1 without), ``axis`` (1 to
+            3 for X, Y, Z, 0 without), ``run``, ``channel``, ``frequency_hz``, ``inertance``
+            (complex, (m/s²)/N), ``std`` (of its real and of its imaginary part, (m/s²)/N) and
+            ``coherence``; NaN where unknown.
 
         Raises
         ------
@@ -395,13 +396,12 @@ class FRF(ReadonlyArrays):
         return frame_of(
             {
                 "position_deg": np.repeat(self.position_deg, n_lines),
-                "node": np.repeat(self.node, n_lines),
+                **{name: np.repeat(getattr(self, name), n_lines) for name in ("node", "axis")},
                 "run": np.repeat(np.array(self.run, dtype=object), n_lines),
                 "channel": np.repeat(np.array(self.channel, dtype=object), n_lines),
                 "frequency_hz": np.tile(self.frequency_hz, self.n_positions),
                 "inertance": self.values.ravel(),
-                "std": self.std.ravel(),
-                "coherence": self.coherence.ravel(),
+                **{name: getattr(self, name).ravel() for name in ("std", "coherence")},
             }
         )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -233,7 +233,7 @@ class ModalModel(ReadonlyArrays):
         Frequency response assurance criterion, measured against fitted, over the fitted lines.
     misfit : float
         Reduced χ² of the fit: 1 where the residuals are as large as the noise.
-    node, position_deg : ndarray, shape (n_positions,)
+    node, position_deg, axis : ndarray, shape (n_positions,)
         Where the rows are, as in `FRF`.
     drift : Drift
         Drift over the runs; the modes are those of the first run's state.
@@ -272,6 +272,7 @@ class ModalModel(ReadonlyArrays):
     orders: tuple[OrderReport, ...] = ()
     exponential_window: ExponentialWindow | None = None
     notes: tuple[str, ...] = ()
+    axis: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
@@ -332,9 +333,8 @@ class ModalModel(ReadonlyArrays):
             ``mode`` (from 1), ``order`` (missing without a circle), ``member``, ``frequency_hz``,
             ``frequency_std_hz``, ``damping_ratio``, ``damping_ratio_std``, ``mpc``, ``mpd_deg``
             (degrees), ``order_purity``, ``status``, ``pair``, ``chosen``,
-            ``frequency_band_shift_hz`` and ``damping_ratio_band_shift``, as in `Mode`; NaN where
-            unknown. Where several forces give modal masses: ``modal_mass_kg``,
-            ``modal_mass_std_kg`` and ``modal_mass_spread``.
+            ``frequency_band_shift_hz``, ``damping_ratio_band_shift``, with several forces also
+            ``modal_mass_kg``, ``modal_mass_std_kg``, ``modal_mass_spread``; NaN where unknown.
 
         Examples
         --------

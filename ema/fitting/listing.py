@@ -271,6 +271,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
         misfit=settled.misfit,
         node=frf.node,
         position_deg=frf.position_deg,
+        axis=frf.axis,
         drift=settled.drift,
         orders=reports,
         notes=(*settled.notes, *_notes(rows, choice), *choice.notes),

@@ -367,7 +367,7 @@ def export(
         echo_error(f"Note: {note}.")
     kind = "real" if found.is_real else "complex"
     echo(
-        f"{counts['modes']} {kind} shapes at {found.geometry.n_measured} nodes, "
+        f"{counts['modes']} {kind} shapes at {len(set(found.geometry.row_node.tolist()))} nodes, "
         f"{counts['frfs_measured']} measured and {counts['frfs_synthesised']} synthesised FRFs"
     )
     echo(f"Written: {written.path}")

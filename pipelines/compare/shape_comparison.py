@@ -119,7 +119,7 @@ def compare_shapes(
     alignment = alignment or Alignment()
     _check(alignment)
     loaded = load(result, accept_changes=accept_changes)
-    own = of_result(loaded, Path(result).resolve().name)
+    own = of_result(loaded, Path(result).resolve().name, alignment.direction)
     there = read_source(
         other, alignment.direction, on_wheel=own.has_angles, accept_changes=accept_changes
     )

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ema.core.errors import InputError
 from ema.core.files import require_regular
-from ema.io.uff.shape_sets import read_radial_shapes
+from ema.io.uff.shape_sets import AXES, read_radial_shapes
 from model.arguments import ReadonlyArrays
-from pipelines.export.data import node_numbers
 from pipelines.results.provenance import accepted_notes
 from pipelines.results.result import Result
 from pipelines.results.store import load
+from pipelines.results.tables import axis_letters, numbered
 from pipelines.storage.atomic import MARKER, named
 
 SHAPES_TABLE = "shapes.csv"
@@ -59,9 +59,20 @@ class ShapeSource(ReadonlyArrays):
         return bool((self.node > 0).any())
 
 
-def of_result(result: Result, name: str) -> ShapeSource:
-    """Shapes of a result, with the node numbers of its export."""
-    model, places = result.modal_model, result.frf.n_positions
+def of_result(result: Result, name: str, direction: str = "") -> ShapeSource:
+    """Shapes of a result, with the node numbers of its export.
+
+    Where nodes move along several axes, `direction` (x, y, z) chooses one of them.
+    """
+    frf = numbered([result.frf])[0]
+    rows = np.arange(frf.n_positions)
+    if np.unique(frf.node).size < rows.size:
+        rows = np.flatnonzero([letter == direction.upper() for letter in axis_letters(frf.axis)])
+        if direction not in AXES or not rows.size:
+            letters = sorted(set(axis_letters(frf.axis)))
+            found, rule = f"motion along {', '.join(letters)}", "shapes are compared along one axis"
+            raise InputError(name, found, rule, f"Add --direction {letters[-1].lower()}")
+    model, places = result.modal_model, rows.size
     radius_m = None if result.tyre is None else result.tyre.mean_radius_m
     return ShapeSource(
         name=name,
@@ -72,9 +83,9 @@ def of_result(result: Result, name: str) -> ShapeSource:
             f"{number}" if mode.order is None else f"{number} (n = {mode.order}{mode.member})"
             for number, mode in enumerate(model.modes, start=1)
         ),
-        node=node_numbers(result.frf),
-        angle_deg=result.frf.position_deg,
-        values=np.array([mode.shape for mode in model.modes]).reshape(-1, places),
+        node=frf.node[rows],
+        angle_deg=frf.position_deg[rows],
+        values=np.array([mode.shape[rows] for mode in model.modes]).reshape(-1, places),
         radius_m=np.full(places, np.nan if radius_m is None else radius_m),
         across_m=np.zeros(places),
         notes=accepted_notes(result.provenance, name),
@@ -91,14 +102,15 @@ def read_source(
     """
     path = Path(path)
     if path.is_dir() and (path / MARKER).is_file():
-        return of_result(load(path, accept_changes=accept_changes), path.resolve().name)
+        loaded = load(path, accept_changes=accept_changes)
+        return of_result(loaded, path.resolve().name, direction)
     if path.is_dir():
         path = path / SHAPES_TABLE
     if not path.is_file():
         rule = "shapes are read from a result folder, a universal file or a table"
         raise InputError(str(path), "no such file", rule, "Check the name")
     if path.suffix.lower() == ".csv":
-        return _of_table(path)
+        return _of_table(path, direction)
     found = read_radial_shapes(path, direction, on_wheel=on_wheel)
     n_modes = found.frequency_hz.size
     notes = tuple(f"{path.name}: {note}" for note in found.notes)
@@ -110,9 +122,14 @@ def read_source(
     )
 
 
-def _of_table(path: Path) -> ShapeSource:
-    """Shapes of a table with the columns mode, node or position_deg, real, imag, frequency_hz."""
+def _of_table(path: Path, direction: str) -> ShapeSource:
+    """Shapes of a table with the columns mode, node or position_deg, real, imag, frequency_hz.
+
+    Rows of other axes than `direction` are left out where the table has a column of that name.
+    """
     rows = _read_table(path)
+    if direction in AXES and rows["direction"].isin([*AXES]).any():
+        rows = rows[rows["direction"] == direction]
     # A place is a node, an angle, or both.
     place = rows.groupby(["node", "position_deg"], dropna=False, sort=False).ngroup()
     twice = rows.duplicated(["mode", "node", "position_deg"])
@@ -120,7 +137,8 @@ def _of_table(path: Path) -> ShapeSource:
         row = rows[twice].iloc[0]
         where = f"node {row['node']:g}" if row["node"] else f"{row['position_deg']:g} degrees"
         found, rule = f"two values of mode {row['mode']:g} at {where}", "a mode has one value"
-        raise InputError(str(path), found, f"{rule} at each place", "Keep one direction")
+        remedy = "Keep one direction, or choose one of a column direction with --direction"
+        raise InputError(str(path), found, f"{rule} at each place", remedy)
     modes, mode_at = np.unique(rows["mode"], return_inverse=True)
     places = rows[~place.duplicated()]
     values = np.full((modes.size, len(places)), complex(np.nan, np.nan))
@@ -171,6 +189,7 @@ def _read_table(path: Path) -> pd.DataFrame:
             raise InputError(where, f"no {name}", rule, "Complete the line")
         if name in ("mode", "node"):
             _require(path, (rows[name] >= 0) & (rows[name] % 1 == 0), name, text, "a whole number")
+    rows["direction"] = cells["direction"].str.strip().str.lower() if "direction" in cells else ""
     return rows
 
 

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError, inert
 from ema.core.frf import FRF
 from ema.core.modes import Mode
-from ema.core.references import driving_point
 from ema.io.uff.reader import SYNTHESISED
 from model.arguments import ReadonlyArrays
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from pipelines.results import tables
 from pipelines.results.parameter_set import ParameterSet
 from pipelines.results.result import Result
-from pipelines.results.tables import mode_name, named, row_names
+from pipelines.results.tables import axis_letters, mode_name, named, numbered, row_names
 from pipelines.results.verdict import judge
 from pipelines.storage.tables import Columns, plain_rows
 
@@ -45,28 +44,46 @@ _PARAMETER = "0.0000E+00"
 
 @dataclass(frozen=True, eq=False)
 class Geometry(ReadonlyArrays):
-    """Positions and directions of the nodes."""
+    """Nodes, and the direction of motion of each row of the FRFs at them."""
 
-    # shape (n_nodes,); node numbers from 1; the rows of the FRFs come first, in their order, then
+    # shape (n_nodes,); numbers from 1, each once; those of the rows of the FRFs come first, then
     # the places of forces, and those that only further forces have
     node: NDArray[np.int_]
     # shape (n_nodes,); angles in the x-z plane, from x towards z; NaN without a circle
     position_deg: NDArray[np.float64]
     xyz_m: NDArray[np.float64]  # shape (n_nodes, 3)
-    # shape (n_nodes, 3); unit vector of the measured motion: radial and outward on a circle, else
-    # the axis in the file
+    # shape (n_rows, 3); unit vector of the motion of each row of the first force's FRFs: radial and
+    # outward on a circle, else the axis in the file
     direction: NDArray[np.float64]
-    direction_code: int  # of this direction in a universal file: on a circle 1, the radius
-    n_measured: int  # nodes with a sensor; the force has a further node where it acts elsewhere
+    direction_code: int  # in a universal file, of rows without an axis: on a circle 1, the radius
     reference_nodes: tuple[int, ...]  # node of each force; 0 where unknown
     is_closed: bool  # whether the nodes form a circle
     notes: tuple[str, ...] = ()  # assumptions
     frfs: tuple[FRF, ...] = ()  # as fitted, of each force, under these node numbers
 
     @property
-    def reference_node(self) -> int:
-        """Node of the first force; 0 where unknown."""
-        return self.reference_nodes[0]
+    def row_node(self) -> NDArray[np.int_]:
+        """Node of each row of the first force's FRFs."""
+        return self.frfs[0].node
+
+    @property
+    def driving_row(self) -> int | None:
+        """Row at the first force and along it; None where there is not one."""
+        frf = self.frfs[0]
+        along = (frf.axis == frf.force_axis) | (frf.axis == 0) | (frf.force_axis == 0)
+        at = np.flatnonzero((frf.node == self.reference_nodes[0]) & along)
+        return int(at[0]) if at.size == 1 else None
+
+    def directions(self, frf: FRF) -> list[str]:
+        """Direction of each row of FRFs: radial, X, Y, Z, or nothing where unknown."""
+        return ["radial"] * frf.n_positions if self.is_closed else axis_letters(frf.axis)
+
+    @property
+    def force(self) -> dict[str, Any]:
+        """Node and direction of the first force; 0 and nothing where unknown."""
+        (axis,) = axis_letters(np.array([self.frfs[0].force_axis]))
+        direction = "radial" if self.is_closed else axis
+        return {"force_node": self.reference_nodes[0], "force_direction": direction}
 
     @property
     def path(self) -> list[int]:
@@ -75,14 +92,6 @@ class Geometry(ReadonlyArrays):
             return list(self.node.tolist())
         around = self.node[np.argsort(self.position_deg, kind="stable")].tolist()
         return [*around, around[0]]
-
-
-def node_numbers(frf: FRF) -> NDArray[np.int_]:
-    """Unique node numbers from 1, for other programs: those of the FRFs where they are so."""
-    own = frf.node
-    if own.min() > 0 and np.unique(own).size == own.size:
-        return np.array(own)
-    return np.arange(1, own.size + 1)
 
 
 def geometry_of(result: Result) -> Geometry:
@@ -94,10 +103,11 @@ def geometry_of(result: Result) -> Geometry:
 
 
 class _Nodes:
-    """Numbers of the first force's rows by place; other places get the next ones."""
+    """Numbers of the first force's rows by angle; other places get the next ones."""
 
     def __init__(self, frf: FRF, places: Sequence[Hashable]) -> None:
-        self.numbers: list[int] = node_numbers(frf).tolist()
+        keeps = frf.node.min() > 0 and np.unique(frf.node).size == frf.n_positions
+        self.numbers: list[int] = (frf.node if keeps else np.arange(1, len(places) + 1)).tolist()
         self.of_place: dict[Hashable, int] = dict(zip(places, self.numbers, strict=True))
         self.added = list[Any]()
 
@@ -128,8 +138,8 @@ def _circle(result: Result, every: Sequence[FRF]) -> Geometry:
     )
     further = [nodes.of_rows(each, places(each.position_deg)) for each in every[1:]]
     node, added_deg = np.array(nodes.numbers), _SAME_PLACE_DEG * np.array(nodes.added)
-    angles, n_measured = np.append(frf.position_deg, added_deg), frf.n_positions
-    frfs = replace(frf, node=node[:n_measured]), *further
+    angles, n_rows = np.append(frf.position_deg, added_deg), frf.n_positions
+    frfs = replace(frf, node=node[:n_rows]), *further
     notes = ["x-z plane, angles from x towards z; 0 deg is the zero of the grid"]
     radius_m = None if result.tyre is None else result.tyre.mean_radius_m
     if radius_m is None:
@@ -141,9 +151,8 @@ def _circle(result: Result, every: Sequence[FRF]) -> Geometry:
         node=node,
         position_deg=angles,
         xyz_m=radius_m * direction,
-        direction=direction,
+        direction=direction[:n_rows],
         direction_code=X,
-        n_measured=n_measured,
         reference_nodes=forces,
         is_closed=True,
         notes=tuple(notes),
@@ -155,32 +164,21 @@ def _circle(result: Result, every: Sequence[FRF]) -> Geometry:
 
 
 def _line(every: Sequence[FRF]) -> Geometry:
-    def places(frf: FRF) -> list[tuple[int, int]]:
-        return list(zip(frf.node.tolist(), frf.axis.tolist(), strict=True))
-
-    frf, frfs, forces = every[0], list[FRF](), list[int]()
-    nodes, keeps_numbers = _Nodes(frf, places(frf)), np.array_equal(node_numbers(frf), frf.node)
-    for each in every:
-        numbered, place = nodes.of_rows(each, places(each)), driving_point(each)
-        at_row = 0 if place is None else int(numbered.node[place[0]])
-        forces.append(at_row if place is not None and place[1] > 0 else 0)
-        if not keeps_numbers and each.force_node > 0:
-            numbered = replace(numbered, force_node=at_row or max(nodes.numbers) + len(frfs) + 1)
-        frfs.append(numbered)
-    axis = np.array([*frf.axis.tolist(), *(axis for _, axis in nodes.added)])
-    node = np.array(nodes.numbers)
+    frfs = numbered(every)
+    at_rows = [number for frf in frfs for number in frf.node.tolist()]
+    forces = [frf.force_node for frf in frfs]
+    node = np.array(list(dict.fromkeys([*at_rows, *(each for each in forces if each > 0)])))
     zeros = np.zeros(node.size)
     return Geometry(
         node=node,
         position_deg=np.full(node.size, np.nan),
         xyz_m=np.column_stack([_STEP_M * np.arange(node.size), zeros, zeros]),
-        direction=np.eye(3)[np.where(axis > 0, axis, Z) - 1],
+        direction=np.eye(3)[np.where(frfs[0].axis > 0, frfs[0].axis, Z) - 1],
         direction_code=Z,
-        n_measured=frf.n_positions,
         reference_nodes=tuple(forces),
         is_closed=False,
         notes=("no angles known: nodes on a line, 0.1 m apart; motion without an axis along z",),
-        frfs=tuple(frfs),
+        frfs=frfs,
     )
 
 
@@ -190,7 +188,7 @@ class ModalExport(ReadonlyArrays):
 
     result: Result
     geometry: Geometry
-    # shape (n_modes, n_measured); along the measured directions, largest part 1; complex or real
+    # shape (n_modes, n_rows); along the measured directions, largest part 1; complex or real
     shapes: NDArray[np.inexact]
     # shape (n_modes,); modal A of these shapes in N s/m: residue = shape × shape at the force / A;
     # NaN where the force is not at a sensor or at a node of the mode, or the modal mass would be
@@ -380,15 +378,18 @@ def _shapes(result: Result) -> Iterator[_Sheet]:
     model = result.modal_model
     if not model.modes:
         return
-    on_circle = bool(np.all(np.isfinite(model.position_deg)))
-    place = "position [°]" if on_circle else "node"
-    places = model.position_deg if on_circle else model.node
-    head = (place, *(f"{k}: {mode_name(mode)}" for k, mode in enumerate(model.modes, 1)))
-    shapes = np.array([mode.shape for mode in model.modes]).T
-    formats = ("0.0##" if on_circle else "0", *["0.0000"] * len(model.modes))
+    if np.all(np.isfinite(model.position_deg)):
+        places, formats = {"position [°]": model.position_deg.tolist()}, ["0.0##"]
+    else:
+        places, formats = {"node": model.node.tolist()}, ["0"]
+        if result.frf.axis.any():
+            places, formats = places | {"direction": axis_letters(result.frf.axis)}, ["0", ""]
+    head = (*places, *(f"{k}: {mode_name(mode)}" for k, mode in enumerate(model.modes, 1)))
+    shapes, frozen = np.array([mode.shape for mode in model.modes]).T, f"{'ABC'[len(places)]}2"
+    formats += ["0.0000"] * len(model.modes)
     for title, part in (("Shapes", shapes.real), ("Shapes, imaginary part", shapes.imag)):
-        rows = np.column_stack([places, part]).tolist()
-        yield _Sheet(title, head, rows, formats, frozen="B2")
+        rows = [[*at, *cells] for *at, cells in zip(*places.values(), part.tolist(), strict=True)]
+        yield _Sheet(title, head, rows, formats, frozen=frozen)
 
 
 def _responses(name: str, frf: FRF) -> Iterator[_Sheet]:

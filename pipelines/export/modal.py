@@ -35,7 +35,7 @@ from pipelines.results.parameter_set import read_parameter_set
 from pipelines.results.provenance import accepted_notes, software_version
 from pipelines.results.result import Result
 from pipelines.results.store import load
-from pipelines.results.tables import in_band, references
+from pipelines.results.tables import axis_letters, in_band, references
 from pipelines.storage.atomic import file_written_whole, require_free_file, written_whole
 from pipelines.storage.checksums import write_marker
 from pipelines.storage.tables import write_csv
@@ -45,13 +45,9 @@ FOLDER_MARKER = "export.json"  # lists the files of an export that is a folder
 UNITS = {
     **{"frequency_hz": "Hz", "damping_ratio": "1", "poles": "rad/s", "position_deg": "deg"},
     **{"xyz_m": "m", "shapes": "1, largest part of each mode 1", "residues": "m/(N s)"},
-    **{
-        "modal_a": "N s/m",
-        "modal_mass_kg": "kg",
-        "modal_mass_kg_std": "kg",
-        "lower_residual": "(m/s^2)/N",
-    },
-    **{"upper_residual": "m/N", "frf": "(m/s^2)/N", "coherence": "1"},
+    **{"modal_a": "N s/m", "modal_mass_kg": "kg", "modal_mass_kg_std": "kg"},
+    **{"lower_residual": "(m/s^2)/N", "upper_residual": "m/N"},
+    **{"frf": "(m/s^2)/N", "coherence": "1"},
 }
 _LEAST_DRIVE = 3.0  # smallest residue at the force for modal A, in standard deviations
 FOLDERS = ("csv",)  # formats that write a folder
@@ -157,7 +153,7 @@ def gather(
     if result.corrections or result.sensor_mass is not None:
         notes = (*notes, "measured FRFs as fitted: corrected, masses compensated (see the result)")
     geometry = replace(geometry, notes=(*geometry.notes, *notes))
-    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.n_measured)
+    shapes = np.array([mode.shape for mode in model.modes]).reshape(-1, geometry.row_node.size)
     every = geometry.frfs
     synthesised: tuple[FRF, ...] = ()
     if frfs in (BOTH, SYNTHESISED):
@@ -207,14 +203,13 @@ def _modal_a(mode: Mode, geometry: Geometry) -> complex:
     if np.isfinite(mode.modal_mass_kg):  # from the driving points of several forces
         return 2j * mode.pole.imag * mode.modal_mass_kg
     unknown_a = complex(np.nan, np.nan)
-    rows = np.flatnonzero(geometry.node[: geometry.n_measured] == geometry.reference_node)
-    if rows.size == 0:
+    if (row := geometry.driving_row) is None:
         return unknown_a
-    at_force = complex(mode.residues[rows[0]])
-    noise = float(mode.residues_std[rows[0]])
+    at_force = complex(mode.residues[row])
+    noise = float(mode.residues_std[row])
     if not abs(at_force) > _LEAST_DRIVE * (noise if np.isfinite(noise) else 0.0):
         return unknown_a
-    modal_a = complex(mode.shape[rows[0]]) ** 2 / at_force
+    modal_a = complex(mode.shape[row]) ** 2 / at_force
     is_mass = (modal_a / (2j * mode.pole.imag)).real > 0  # else the force acts elsewhere
     return modal_a if is_mass else unknown_a
 
@@ -234,14 +229,12 @@ def write_mat(found: ModalExport, path: Path) -> None:
 def content(found: ModalExport) -> dict[str, Any]:
     """Everything by name; modes as rows, positions as columns, standard deviations as ``…_std``."""
     geometry, model = found.geometry, found.result.modal_model
-    places = ("node", "position_deg", "xyz_m", "direction", "n_measured")
     everything: dict[str, Any] = {
         "source": found.result.name,
         "software": f"ringmodal {software_version()}",
         "units": UNITS,
         "notes": [*geometry.notes, *found.result.notes],
-        "nodes": {name: getattr(geometry, name) for name in places}
-        | {"force_node": geometry.reference_node},
+        "nodes": _places(geometry) | geometry.force,
         "modes": mode_columns(found),
         "covariance": model.covariance,
         "shapes": found.shapes,
@@ -258,12 +251,22 @@ def content(found: ModalExport) -> dict[str, Any]:
         part: dict[str, Any] = {"frequency_hz": frf.frequency_hz, "frf": frf.values}
         everything[of_force(kind, number)] = part
         if number > 1:
-            part["node"] = frf.node
+            part |= {"node": frf.node, "axis": frf.axis}
         if np.isfinite(frf.std).any():
             part["frf_std"] = frf.std
         if np.isfinite(frf.coherence).any():
             part["coherence"] = frf.coherence
     return everything
+
+
+def _places(geometry: Geometry) -> dict[str, Any]:
+    """Node and direction of each row of FRFs, then the nodes that have none."""
+    rows, nodes = geometry.row_node.tolist(), geometry.node.tolist()
+    at = [nodes.index(each) for each in (*rows, *(each for each in nodes if each not in rows))]
+    direction = np.zeros((len(at), 3))
+    direction[: len(rows)] = geometry.direction
+    found = {name: getattr(geometry, name)[at] for name in ("node", "position_deg", "xyz_m")}
+    return found | {"direction": direction, "n_measured": len(rows)}
 
 
 def mode_columns(found: ModalExport) -> dict[str, Any]:
@@ -314,7 +317,7 @@ def _matlab(value: Any) -> Any:
 def write_tables(found: ModalExport, folder: Path) -> None:
     """Write ``nodes.csv``, ``modes.csv``, ``shapes.csv``, FRFs, and ``export.json`` with the rest.
 
-    FRFs have one line per frequency and two columns per node, real and imaginary part.
+    FRFs have one line per frequency and two columns per row.
     """
     geometry = found.geometry
     write = partial(write_csv, decimal_comma=found.decimal_comma)
@@ -325,12 +328,13 @@ def write_tables(found: ModalExport, folder: Path) -> None:
     write(folder / "shapes.csv", _shapes(found))
     for kind, number, frf in found.frfs:
         parts = np.ascontiguousarray(frf.values.T).view(np.float64)
-        names = [f"{part}_node_{n}" for n in frf.node.tolist() for part in ("real", "imag")]
+        rows = list(zip(frf.node.tolist(), axis_letters(frf.axis), strict=True))
+        names = [f"{part}_node_{n}_{a}".rstrip("_") for n, a in rows for part in ("real", "imag")]
         cells = dict(zip(names, parts.T, strict=True))
         table = {"frequency_hz": frf.frequency_hz, **cells}
         write(folder / f"frf_{of_force(kind, number)}.csv", table)
     about: dict[str, Any] = {"source": found.result.name, "notes": list(geometry.notes)}
-    about |= {"force_node": geometry.reference_node, "units": UNITS}
+    about |= geometry.force | {"units": UNITS}
     if found.result.references:
         write(folder / "references.csv", references(found.result))
         about["force_nodes"] = geometry.reference_nodes
@@ -356,14 +360,14 @@ def _modes(found: ModalExport) -> dict[str, Any]:
 
 def _shapes(found: ModalExport) -> dict[str, Any]:
     geometry, n_modes = found.geometry, len(found.modes)
-    measured = slice(geometry.n_measured)
-    shapes = np.concatenate(found.shapes).astype(complex)
-    repeat = np.repeat(np.arange(n_modes), geometry.n_measured)
+    frf, shapes = geometry.frfs[0], np.concatenate(found.shapes).astype(complex)
+    repeat = np.repeat(np.arange(n_modes), frf.n_positions)
     return {
         "mode": repeat + 1,
         "frequency_hz": np.array([mode.frequency_hz for mode in found.modes])[repeat],
-        "node": np.tile(geometry.node[measured], n_modes),
-        "position_deg": np.tile(geometry.position_deg[measured], n_modes),
+        "node": np.tile(frf.node, n_modes),
+        "position_deg": np.tile(frf.position_deg, n_modes),
+        "direction": geometry.directions(frf) * n_modes,
         "real": shapes.real,
         "imag": shapes.imag,
     }
@@ -405,7 +409,10 @@ def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
     mode, geometry = found.modes[number - 1], found.geometry
     along = found.shapes[number - 1]
     wheel = geometry.is_closed and found.is_cylindrical
-    axes = np.eye(3)[:1] if wheel else geometry.direction[: geometry.n_measured]
+    axes = np.eye(3)[:1] if wheel else geometry.direction
+    nodes, row_of = np.unique(geometry.row_node, return_inverse=True)
+    values = np.zeros((nodes.size, 3), dtype=along.dtype)
+    np.add.at(values, row_of, along[:, None] * axes)
     modal_a, mass_kg = complex(found.modal_a[number - 1]), float(found.modal_mass_kg[number - 1])
     order = "" if mode.order is None else f", order {mode.order}{mode.member}"
     motion = "radial motion" if geometry.is_closed else "measured motion"
@@ -420,8 +427,8 @@ def _shape(found: ModalExport, number: int) -> uff.ShapeDataset:
             f"status {mode.status}",
         ),
         pole=mode.pole,
-        node=geometry.node[: geometry.n_measured],
-        values=along[:, None] * axes,
+        node=nodes,
+        values=values,
         modal_a=0.0 if np.isnan(modal_a) else modal_a,
         modal_mass_kg=0.0 if np.isnan(mass_kg) else mass_kg,
     )

@@ -382,6 +382,7 @@ def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:
         misfit=stored.misfit,
         node=frf.node,
         position_deg=frf.position_deg,
+        axis=frf.axis,
         drift=Drift(**vars(stored.drift)),
         orders=stored.orders,
         exponential_window=stored.exponential_window,

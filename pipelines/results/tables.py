@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from itertools import takewhile
+from dataclasses import dataclass, fields, replace
+from itertools import chain, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from ema.core.errors import visible_line
 from ema.core.frf import FRF
 from ema.core.modes import MODE_COLUMNS, ModalModel, Mode
 from ema.core.numerics import columns_of
-from ema.core.references import References
+from ema.core.references import References, driving_point
 from ema.io.uff.reader import OF_A_RESULT
 from ema.io.uff.write import write_frfs as write_universal
 from ema.poles.stability import StabilityDiagram
@@ -90,12 +90,18 @@ def place_name(node: int, position_deg: float) -> str:
     return ", ".join(where) or "unnamed position"
 
 
+def axis_letters(axis: NDArray[np.int_]) -> list[str]:
+    """Letters of axes 1 to 3; nothing where none is stated."""
+    return [_DIRECTIONS[each] for each in axis.clip(0, 3).tolist()]
+
+
 def row_names(frf: FRF | ModalModel, rows: NDArray[np.int_]) -> list[str]:
     """Names of rows of FRFs or shapes, each once: the angle, else the node or the row's number."""
+    axes = axis_letters(frf.axis) or [""] * frf.node.size  # no axis is known of a model's rows
     names = [
         f"{frf.position_deg[row]:g}°"
         if np.isfinite(frf.position_deg[row])
-        else str(frf.node[row] if frf.node[row] >= 0 else row + 1)
+        else f"{frf.node[row] if frf.node[row] >= 0 else row + 1}{axes[row]}"
         for row in rows
     ]
     return each_once(names)
@@ -109,6 +115,30 @@ def each_once(names: Sequence[str]) -> list[str]:
         seen[name] += 1
         found.append(f"{name} ({seen[name]})" if seen[name] > 1 else name)
     return found
+
+
+def numbered(every: Sequence[FRF]) -> tuple[FRF, ...]:
+    """FRFs of a structure whose rows are told apart by node, from 1, and axis.
+
+    Node numbers are those of the FRFs where they do so, else each place gets one of its own.
+    """
+    rows = [[*zip(frf.node.tolist(), frf.axis.tolist(), strict=True)] for frf in every]
+    if all(min(each)[0] > 0 and len(set(each)) == len(each) for each in rows):
+        return tuple(every)
+    places = [
+        each_once([f"{node} {axis} {name}" for (node, axis), name in zip(row, names, strict=True)])
+        for row, names in zip(rows, (frf.channel for frf in every), strict=True)
+    ]
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(chain(*places)), start=1)}
+    found = []
+    for frf, names in zip(every, places, strict=True):
+        node, force_node, at = np.array([numbers[n] for n in names]), 0, driving_point(frf)
+        if at is not None:
+            force_node = int(node[at[0]])
+        elif frf.force_node > 0:
+            force_node = numbers.setdefault(f"force {frf.force_node}", len(numbers) + 1)
+        found.append(replace(frf, node=node, force_node=force_node))
+    return tuple(found)
 
 
 def mode_name(mode: Mode) -> str:
@@ -246,14 +276,14 @@ def shapes(result: Result) -> Columns:
     frf, modes = result.frf, result.modal_model.modes
     place = "position_deg" if np.all(np.isfinite(frf.position_deg)) else "node"
     shape = np.concatenate([np.zeros(0), *(mode.shape for mode in modes)])
-    directions = np.array(_DIRECTIONS)[frf.axis.clip(0, 3)]
-    several = {"direction": np.tile(directions, len(modes))} if len(set(frf.axis)) > 1 else {}
+    known = place == "node" and frf.axis.any()
+    directions = {"direction": axis_letters(frf.axis) * len(modes)} if known else {}
     return {
         "mode": np.repeat(np.arange(1, len(modes) + 1), frf.n_positions),
         place: np.tile(getattr(frf, place), len(modes)),
         "real": shape.real,
         "imag": shape.imag,
-        **several,
+        **directions,
     }
 
 
@@ -264,7 +294,7 @@ def references(result: Result) -> Columns:
         "reference": [each.reference for each, _ in found],
         "position_deg": [each.position_deg for each, _ in found],
         "node": [each.node for each, _ in found],
-        "direction": [_DIRECTIONS[abs(each.axis)] for each, _ in found],
+        "direction": axis_letters(np.array([each.axis for each, _ in found])),
         "mode": [each.mode for each, _ in found],
         "order": [mode.order for _, mode in found],
         "member": [mode.member for _, mode in found],

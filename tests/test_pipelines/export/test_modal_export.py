@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import pyuff
+from openpyxl import load_workbook
 from results import FREQUENCIES_HZ, structure_result, tyre_result
 from scipy.io import loadmat
 from sdynpy_reader import read_by_sdynpy
@@ -16,9 +17,12 @@ import ema
 from ema.core.errors import InputError
 from ema.core.mac import mac
 from ema.io.uff.write import trace_lines_82
+from pipelines.compare.shape_comparison import compare_shapes
+from pipelines.compare.shape_source import Alignment
 from pipelines.export.data import geometry_of
 from pipelines.export.modal import FORMATS, export, gather
 from pipelines.report.write import save
+from pipelines.results.tables import numbered
 
 MASS_KG = 4.0  # of each mode of the synthetic result, times √(1 − ζ²)
 
@@ -185,7 +189,7 @@ def test_synthesised_frfs_are_not_read_as_measurements(folder, universal, tmp_pa
 
 def test_a_force_between_sensors_gets_a_node_of_its_own():
     found = gather(tyre_result(excitation_deg=2.5))
-    assert found.geometry.reference_node == 73
+    assert found.geometry.reference_nodes == (73,)
     assert found.geometry.path[:3] == [1, 73, 2]
     assert found.measured.node.size == 72
     assert np.isnan(found.modal_a).all()
@@ -223,6 +227,106 @@ def test_a_structure_is_drawn_on_a_line(tmp_path):
     held = sets_of(written.path, 55)[0]
     np.testing.assert_allclose(held["r3"], written.export.modes[0].shape, atol=2e-6)
     assert {each["rsp_dir"] for each in sets_of(written.path, 58)} == {3}
+
+
+NODES, AXES = [5, 5, 5, 12, 12, 12, 7, 7, 3, 9], [1, 2, 3, 1, 2, 3, 1, 3, 3, 2]
+DOFS = [f"{node}{'XYZ'[axis - 1]}" for node, axis in zip(NODES, AXES, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def triaxial(tmp_path_factory):
+    """A structure with up to three directions at a node, driven at node 12 along Y."""
+    result, folder = structure_result(), tmp_path_factory.mktemp("export") / "plate"
+    places = {"node": np.array(NODES), "axis": np.array(AXES)}
+    frf = replace(result.frf, **places, force_node=12, force_axis=2)
+    modal_model = replace(result.modal_model, **places)
+    save(replace(result, frf=frf, measured=frf, modal_model=modal_model), folder, report=False)
+    return folder
+
+
+def test_universal_files_keep_nodes_and_directions(triaxial, tmp_path):
+    written = export(triaxial, tmp_path / "plate.uff", frfs="measured")
+    frf, modes = written.export.result.frf, written.export.modes
+    held = sets_of(written.path, 58)
+    assert [(each["rsp_node"], each["rsp_dir"]) for each in held] == [
+        *zip(NODES, AXES, strict=True)
+    ]
+    assert {(each["ref_node"], each["ref_dir"]) for each in held} == {(12, 2)}
+    np.testing.assert_array_equal([each["data"] for each in held], frf.values)
+    (nodes,) = sets_of(written.path, 2411)
+    assert sorted(nodes["node_nums"]) == [3, 5, 7, 9, 12]
+    for mode, shape in zip(modes, sets_of(written.path, 55), strict=True):
+        at = {int(node): row for row, node in enumerate(shape["node_nums"])}
+        parts = np.column_stack([shape["r1"], shape["r2"], shape["r3"]])
+        rows, columns = [at[node] for node in NODES], [axis - 1 for axis in AXES]
+        np.testing.assert_allclose(parts[rows, columns], mode.shape, atol=2e-6)
+        assert np.count_nonzero(parts) == len(NODES)
+        if shape["modal_a"]:
+            at_force = mode.shape[4] ** 2 / shape["modal_a"]
+            np.testing.assert_allclose(at_force, mode.residues[4], rtol=1e-4)
+    assert np.isfinite(written.export.modal_a).any()
+    back = ema.read_campaign(written.path).frf
+    assert (back.node.tolist(), back.axis.tolist()) == (NODES, AXES)
+    assert (back.force_node, back.force_axis) == (12, 2)
+
+
+def test_a_second_program_reads_nodes_and_directions(triaxial, tmp_path):
+    written = export(triaxial, tmp_path / "plate.uff", frfs="measured").export
+    held, result = read_by_sdynpy(tmp_path / "plate.uff"), written.result
+    assert held["frf_nodes"] == [[node, 12] for node in NODES]
+    ends = np.reshape(held["frf_global"], (10, 2, 3))
+    np.testing.assert_allclose(ends[:, 0], np.eye(3)[np.array(AXES) - 1])
+    np.testing.assert_allclose(ends[:, 1], np.eye(3)[[1] * 10])
+    np.testing.assert_array_equal(complex_of(held["frfs"]), result.frf.values)
+    found = zip(held["shape_node"], held["shape_direction"], strict=True)
+    column = {place: row for row, place in enumerate(found)}
+    columns = [column[place] for place in zip(NODES, AXES, strict=True)]
+    shapes = [mode.shape for mode in result.modal_model.modes]
+    np.testing.assert_allclose(complex_of(held["shapes"])[:, columns], shapes, atol=2e-6)
+
+
+def test_tables_keep_nodes_and_directions(triaxial, tmp_path):
+    written = export(triaxial, tmp_path / "tables", "csv").export
+    values = written.result.frf.values
+    shapes = pd.read_csv(tmp_path / "tables" / "shapes.csv").query("mode == 2")
+    assert (shapes["node"].astype(str) + shapes["direction"]).tolist() == DOFS
+    frf = pd.read_csv(tmp_path / "tables" / "frf_synthesised.csv")
+    np.testing.assert_array_equal(frf["imag_node_12_Z"], written.synthesised.values[5].imag)
+    about = json.loads((tmp_path / "tables" / "export.json").read_text())
+    assert (about["force_node"], about["force_direction"]) == (12, "Y")
+    held = loadmat(export(triaxial, tmp_path / "a.mat", frfs="measured").path, simplify_cells=True)
+    assert held["nodes"]["node"].tolist() == NODES
+    np.testing.assert_array_equal(held["nodes"]["direction"], np.eye(3)[np.array(AXES) - 1])
+    np.testing.assert_array_equal(held["measured"]["frf"], values)
+    book = load_workbook(export(triaxial, tmp_path / "a.xlsx", frfs="measured").path)
+    title = book["FRF measured, real"]
+    assert [cell.value.split()[1] for cell in title[1][1:]] == DOFS
+    cells = [title.cell(9, column).value for column in range(2, 12)]
+    np.testing.assert_allclose(cells, values[:, 7].real, rtol=1e-14)
+    rows = [*book["Shapes"].values][1:]
+    assert [f"{node}{axis}" for node, axis, *_ in rows] == DOFS
+    table = pd.read_csv(triaxial / "shapes.csv")
+    assert table["direction"].tolist() == [dof[-1] for dof in DOFS] * 7
+
+
+def test_shapes_of_several_axes_are_compared_along_one(triaxial, tmp_path):
+    export(triaxial, tmp_path / "own.uff")
+    with pytest.raises(InputError, match="X, Y, Z"):
+        compare_shapes(triaxial, tmp_path / "own.uff")
+    for other in (tmp_path / "own.uff", triaxial / "shapes.csv", triaxial):
+        found = compare_shapes(triaxial, other, Alignment(direction="z"))
+        assert found.result.node.tolist() == [5, 12, 7, 3]
+        np.testing.assert_allclose(np.diag(found.mac), 1.0, atol=1e-9)
+
+
+def test_rows_without_numbers_get_one_each():
+    """Recordings with names only, as CSV has them."""
+    result = structure_result()
+    frf = replace(result.frf, node=np.full(10, -1), channel=tuple("abcdefghij"))
+    further = replace(frf.rows(np.array([9, 0])), force_node=7)
+    found, second = numbered([frf, further])
+    assert (found.node.tolist(), second.node.tolist()) == ([*range(1, 11)], [10, 1])
+    assert second.force_node == 11
 
 
 def test_long_rings_have_lines_in_pieces_that_meet():
