@@ -7,6 +7,7 @@ import mmap
 import os
 import stat
 import unicodedata
+from functools import lru_cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 from weakref import WeakValueDictionary
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from ema.core.errors import InputError, ManifestError, RecordingFormatError
 
 Stamp = tuple[int, int]
+
+_CHANGED = "changed since it was opened"
+_PIECE_BYTES, _MOST_PIECES = 1 << 20, 64  # of files with channels side by side, kept in memory
 
 USE_SLASHES = "a file in a folder is written with /, as in runs/config_1.uff"
 
@@ -95,25 +99,54 @@ def _read(
     samples: NDArray[Any], origin: np.memmap[Any, Any], start: int, into: NDArray[Any]
 ) -> None:
     """Read from the file of a map, without fresh memory where samples lie side by side."""
-    (step,), size = samples.strides, samples.itemsize
+    (step,), path = samples.strides, str(origin.filename)
     place = origin.offset + _address(samples) - _address(origin) + start * step
-    n_bytes = (into.size - 1) * step + size if into.size else 0
-    stored = into if step == size else np.empty(n_bytes, np.uint8)
-    path = str(origin.filename)
     try:
-        with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path takes longer than the bytes
-            file.seek(place)
-            n_read = file.readinto(stored.view(np.uint8).data)
-            now = stamp_of(os.fstat(file.fileno()))
+        if step == samples.itemsize:
+            with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path takes longer than the bytes
+                file.seek(place)
+                n_read = file.readinto(into.view(np.uint8).data) // step
+                now = stamp_of(os.fstat(file.fileno()))
+        else:
+            now = stamp_of(os.stat(path))  # noqa: PTH116 - the same
+            n_read = _read_apart(path, now, place, step, into)
     except OSError as error:
         raise _gone(path, error.strerror or str(error)) from error
-    if n_read < n_bytes:
-        found = f"{-(-n_read // step)} of {into.size} samples from sample {start + 1} on"
-        raise _gone(path, found)
+    if n_read < into.size:
+        raise _gone(path, f"{n_read} of {into.size} samples from sample {start + 1} on")
     if now != getattr(origin, "stamp", now):
-        raise _gone(path, "changed since it was opened")
-    if stored is not into:
-        into[:] = np.ndarray(into.shape, samples.dtype, stored.data, strides=(step,))
+        raise _gone(path, _CHANGED)
+
+
+def _read_apart(path: str, stamp: Stamp, place: int, step: int, into: NDArray[Any]) -> int:
+    """Read samples that are `step` bytes apart, with those of other channels between them.
+
+    Whole pieces of the file are kept a while, as the other channels are read next. Returns how many
+    there are.
+    """
+    n_rows, done = max(_PIECE_BYTES // step, 1), 0
+    while done < into.size:
+        number, begin = divmod(place + done * step, n_rows * step)
+        held = _piece(path, stamp, number * n_rows * step, (n_rows + 1) * step)
+        n_held = (len(held) - begin - into.itemsize) // step + 1
+        count = min(into.size - done, n_rows - begin // step, n_held)
+        if count < 1:
+            break
+        apart = np.ndarray((count,), into.dtype, held, begin, (step,))
+        into[done : done + count] = apart
+        done += count
+    return done
+
+
+@lru_cache(maxsize=_MOST_PIECES)
+def _piece(path: str, stamp: Stamp, start: int, n_bytes: int) -> bytes:
+    """Bytes of a file as it was at that time."""
+    with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - a Path takes longer than the bytes
+        file.seek(start)
+        found = file.read(n_bytes)
+        if stamp_of(os.fstat(file.fileno())) != stamp:
+            raise _gone(path, _CHANGED)
+    return found
 
 
 def _address(array: NDArray[Any]) -> int:

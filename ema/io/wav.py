@@ -120,7 +120,7 @@ def _fractions(stored: NDArray[Any]) -> NDArray[Any]:
         wide = np.zeros((len(stored), 4), dtype=np.uint8)
         wide[:, 1:] = stored.view(np.uint8).reshape(-1, 3)
         stored = wide.view("<i4")[:, 0]
-    values: NDArray[Any] = stored.astype(precision)
+    values: NDArray[Any] = np.asarray(stored).astype(precision)
     if stored.dtype.kind == "u":  # 8 bit, with zero in the middle
         values -= 128
     values /= 1 << (8 * stored.itemsize - 1)

@@ -95,9 +95,12 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
     n_surplus, is_padded = 0, True  # the last line, with zeros
     with path.open("rb") as file:
         file.seek(begin)
+        length = len(file.readline(min(_LONGEST_LINE, end - begin))) or 1
+        file.seek(begin)
         while file.tell() < end:
-            text = file.read(min(_CHUNK_BYTES, end - file.tell()))
-            text += file.readline(min(_LONGEST_LINE, end - file.tell()))
+            text = file.read(min(_CHUNK_BYTES // length * length, end - file.tell()))
+            if not text.endswith(b"\n"):
+                text += file.readline(min(_LONGEST_LINE, end - file.tell()))
             block = _convert(text, widths, where)
             fits = min(len(block), len(numbers) - n)
             numbers[n : n + fits] = block[:fits]
@@ -202,10 +205,12 @@ def _by_arrow(
         if (fields[..., -1] <= ord(" ")).any():
             return None
         n_blank = next((at for at in range(width) if (fields[..., at] != ord(" ")).any()), 0)
-        chars = np.array(fields[..., n_blank:]).reshape(-1, size - n_blank)
+        # As one item each they are copied in half the time.
+        chars = fields[..., n_blank:].view(f"V{size - n_blank}").copy().view(np.uint8)
+        chars = chars.reshape(-1, size - n_blank)
         is_padded = ahead == " " and not (chars[:, min(1, chars.shape[1] - 1)] == ord(" ")).any()
         if is_padded:  # a zero in the place of the sign is far cheaper than trimming
-            chars[chars[:, 0] == ord(" "), 0] = ord("0")
+            chars[:, 0] += (chars[:, 0] == ord(" ")) * np.uint8(ord("0") - ord(" "))
         ends = np.arange(0, chars.size + 1, chars.shape[1], dtype=np.int32)
         buffers = [None, pa.py_buffer(ends), pa.py_buffer(chars.ravel())]
         texts = pa.Array.from_buffers(pa.string(), len(chars), buffers)

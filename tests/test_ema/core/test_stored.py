@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 
+from ema.core import files
 from ema.core.errors import RecordingFormatError
 from ema.core.files import fill, mapped, piece
 
@@ -69,3 +70,20 @@ def test_an_array_is_filled_whatever_is_stored(tmp_path, kind):
     path.write_bytes(path.read_bytes()[: 12 + 40 * samples.itemsize])
     with pytest.raises(RecordingFormatError, match="10 of 20 samples from sample 31 on"):
         fill(samples, 30, into)
+
+
+def test_channels_side_by_side_are_read_in_pieces(tmp_path, monkeypatch):
+    """Single and double precision, from any row, over the ends of pieces of the file."""
+    monkeypatch.setattr(files, "_PIECE_BYTES", 100)
+    rows = np.arange(7 * 500, dtype=np.float64).reshape(500, 7)
+    path = tmp_path / "rows.bin"
+    path.write_bytes(b"12345" + rows.tobytes())
+    table = mapped(path, rows.dtype, 5, rows.shape)
+    for channel, start, stop in ((0, 0, 500), (3, 17, 411), (6, 499, 500), (6, 3, 3)):
+        np.testing.assert_array_equal(
+            piece(table[:, channel], start, stop), rows[start:stop, channel]
+        )
+    with path.open("r+b") as file:
+        file.truncate(20_000)
+    with pytest.raises(RecordingFormatError, match="stays as it is"):
+        piece(table[:, 6], 0, 500)
