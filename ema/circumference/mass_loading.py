@@ -36,7 +36,8 @@ _UNRESOLVED = 1e-3
 # How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
 # stiffness varies by 1 % around it, benchmarks/laboratory.py.
 _TURNED = 0.05
-# Orientation and turn are found from FRFs with the sensors on, then from those without.
+# Orientation, turn and motion along the belt are found from the mean of all runs with sensors on,
+# then from FRFs without sensors and what the sensors of each run make of them.
 _PASSES = 2
 # No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
 _FARTHEST = 2.0
@@ -107,42 +108,47 @@ def _bared(
     rows = frf if fixed is None else _joined(frf, fixed)
     basis, seats = _waves(frf, rows, sensors_deg, excitation_deg)
     waves = np.linalg.pinv(basis) @ rows.values
-    pulls = {
-        name: _pull(
-            mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
-            seats[name],
-            _at_seats(rows, name, angles, seats[name] @ waves),
-            waves,
-            rows.frequency_hz,
-        )
-        for name, angles in sensors_deg.items()
-    }
     names = list(dict.fromkeys(rows.run))
-    pull = np.stack([_of_run(pulls, name) for name in names])
     run = np.array([names.index(name) for name in rows.run])
-    noise = _noise_of_lines(rows)
-    shift = _shifts(drift, names, rows.frequency_hz)
-    force = np.repeat(circle_basis(np.zeros(1), basis.shape[1] // 2), len(names), axis=0)
-    basis, run = np.concatenate([basis, force]), np.append(run, np.arange(len(names)))
+    noise, shift = _noise_of_lines(rows), _shifts(drift, names, rows.frequency_hz)
     soft, stiff = slice(1 + 2 * _TYRE_ORDERS), slice(1 + 2 * _TYRE_ORDERS, None)
     inertance = _stiff_inertances(waves[stiff], rows.frequency_hz)
     along_force = basis[:, stiff][:, ::2] @ inertance[::2]
-    taken = inertance * pull[:, stiff]
-    push = np.array([own @ taken[k] for own, k in zip(basis[:, stiff], run, strict=True)])
-    basis, pull = basis[:, soft], pull[:, soft]
-    known, none = np.full((basis.shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
+    known, none = np.full((basis[:, soft].shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
     parts = [part for name in names for part in name.split("+")]
     for order, (poles, each) in across.items():
         middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)
         known[order - 1 : order] = synthesise(rows.frequency_hz, middle, each[None], none, none)
-    soft_orders = rows.values + (push - along_force)[: len(rows.values)]
-    push += mass_push(rows.frequency_hz, soft_orders, noise, basis, pull, run, shift, known)
-    values = rows.values + push[: -len(names)]
+    seen, own = waves[soft], dict.fromkeys(sensors_deg, waves)
+    for _ in range(_PASSES):
+        pulls = {
+            name: _pull(
+                mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
+                seats[name],
+                _at_seats(rows, name, angles, seats[name] @ own[name]),
+                own[name],
+                rows.frequency_hz,
+            )
+            for name, angles in sensors_deg.items()
+        }
+        pull = np.stack([_of_run(pulls, name) for name in names])
+        taken = inertance * pull[:, stiff]
+        push = np.array([row @ taken[k] for row, k in zip(basis[:, stiff], run, strict=True)])
+        values = rows.values + push - along_force
+        taken_soft, with_sensors, seen = mass_push(
+            *(rows.frequency_hz, values, noise, basis[:, soft], pull[:, soft], run, shift),
+            *(known, seen),
+        )
+        for name, moving in zip(names, with_sensors, strict=True):
+            own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
+    taken = np.concatenate([taken_soft, taken], axis=1)
+    values = rows.values + np.array([row @ taken[k] for row, k in zip(basis, run, strict=True)])
     bare = replace(frf, values=values[: frf.n_positions])
     if fixed is not None:
         bare = replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
     drive = np.tile(_drive_point(bare, excitation_deg), (len(names), 1, 1))
-    at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0] - push[-len(names) :]
+    at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0]
+    at_force -= taken[:, :1].sum(axis=1) + taken[:, 1::2].sum(axis=1)  # only cosines move the force
     return bare, dict(zip(names, at_force, strict=True))
 
 
@@ -266,58 +272,69 @@ def mass_push(
     pull: Complex,
     run: NDArray[np.int_],
     shift: Real,
-    across: Complex | None = None,
-) -> Complex:
-    """What the sensors' mass takes from the FRFs of a ring, by least squares line by line.
+    across: Complex,
+    seen: Complex,
+) -> tuple[Complex, Complex, Complex]:
+    """What the sensors' mass takes from the waves of a ring, by least squares line by line.
 
     Measured are H_i = Σ_n b_n(θ_i)ᵀ C_n (u_n − p_n) with the sensors' pull p_n = m Σ_k b_n(θ_k) H_k
     in the same run; linear in cc, cs and ss of every order. The force drives u_n = (1, t_n): other
-    orders in the modes of an uneven tyre turn it. Returns Σ_n b_n(θ_i)ᵀ C_n p_n, to be
-    added to the inertances `values`, (n_rows, n_frequencies), of standard deviation `noise`,
-    (n_frequencies,), above 0. `basis`, (n_rows, 1 + 2 n_orders), is that of
-    `ema.circumference.orders.circle_basis`, in which rows behind those of `values` are predicted;
-    `pull`, (n_runs, 1 + 2 n_orders, n_frequencies), that of the sensors of each run on each wave
-    per unit force; `run`, (n_rows,), the run of each row; `shift`, (n_runs, n_frequencies), how far
-    its natural frequencies are from the mean; `across`, (n_orders, n_frequencies), ss − cc or NaN.
+    orders in the modes of an uneven tyre turn it.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_rows, n_frequencies)
+        Inertances, with standard deviation `noise`, above 0, of each line.
+    basis : ndarray, shape (n_rows, n_waves)
+        That of `ema.circumference.orders.circle_basis`.
+    pull : ndarray, shape (n_runs, n_waves, n_frequencies)
+        Pull of the sensors of each run on each wave per unit force.
+    run : ndarray, shape (n_rows,)
+        Run of each row.
+    shift : ndarray, shape (n_runs, n_frequencies)
+        How far its natural frequencies are from the mean.
+    across : ndarray, shape (n_orders, n_frequencies)
+        ss − cc, or NaN.
+    seen : ndarray, shape (n_waves, n_frequencies)
+        Waves, from which the orientation of pairs is read.
+
+    Returns
+    -------
+    taken, with_sensors : ndarray, shape (n_runs, n_waves, n_frequencies)
+        C_n p_n, and waves that are left.
+    bare : ndarray, shape (n_waves, n_frequencies)
+        Waves without sensors.
     """
-    fit = slice(len(values))
-    first = (np.linalg.pinv(basis[fit]) @ values)[1:]
-    apart = np.full((len(first) // 2, noise.size), np.nan + 0j) if across is None else across
-    seen, apart = np.all(np.isfinite(apart), axis=1), np.nan_to_num(apart)
-    parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
-
-    def taken(lines: slice, pull: Complex) -> Complex:
-        return _taken(basis, np.moveaxis(pull[:, :, lines], 2, 0)[:, run])
-
+    cosine, sine = seen[1::2], seen[2::2]
+    given, apart = np.all(np.isfinite(across), axis=1), np.nan_to_num(across)
     # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
     alike = _moved(frequency_hz, pull, shift)
-    middle = _moved(frequency_hz, values[:, None], shift[run[fit]])[:, 0]
-    cosine, sine = first.reshape(-1, 2, noise.size).swapaxes(0, 1)
-    for _ in range(_PASSES):
-        known = [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
-        contrast, spread, turned = np.array(known).T
-        contrast[seen], spread[seen] = 0.0, _SEEN_WHOLE
-        size = np.abs(cosine) + np.abs(apart)
-        trust = noise / np.maximum(spread[:, None] * size, 1e-6 * noise)
-        shaken = np.concatenate([basis[fit], turned * basis[fit, 2::2]], axis=1)
-        shaken[:, 2 : basis.shape[1] : 2] += turned * basis[fit, 1::2]
-        found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
-        for lines in parts:
-            system = np.concatenate(
-                [shaken - taken(lines, alike)[:, fit], _prior(contrast, trust[:, lines].T)], axis=1
-            )
-            told = (trust[:, lines] * apart[:, lines]).T
-            right = np.concatenate([middle[:, lines].T, told], axis=1)
-            adjoint = system.conj().transpose(0, 2, 1)
-            found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
-        waves, ss = np.split(found, [basis.shape[1]], axis=1)
-        cc, cs = waves[:, 1::2], waves[:, 2::2]
-        cosine, sine = (cc + turned * cs).T, (cs + turned * ss).T
-    states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
-    push = np.empty((run.size, noise.size), dtype=complex)
+    middle = _moved(frequency_hz, values[:, None], shift[run])[:, 0]
+    known = [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
+    contrast, spread, turned = np.array(known).T
+    contrast[given], spread[given] = 0.0, _SEEN_WHOLE
+    size = np.abs(cosine) + np.abs(apart)
+    trust = noise / np.maximum(spread[:, None] * size, 1e-6 * noise)
+    driven = _taken(np.eye(basis.shape[1]), _force(turned))
+    shaken = basis @ driven
+    found = np.empty((noise.size, shaken.shape[1]), dtype=complex)
+    parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
     for lines in parts:
-        push[:, lines] = np.einsum("fru,ruf->rf", taken(lines, pull), states[:, :, lines][run])
-    return push
+        of_rows = np.moveaxis(alike[:, :, lines], 2, 0)[:, run]
+        prior = _prior(contrast, trust[:, lines].T)
+        system = np.concatenate([shaken - _taken(basis, of_rows), prior], axis=1)
+        told = (trust[:, lines] * apart[:, lines]).T
+        right = np.concatenate([middle[:, lines].T, told], axis=1)
+        adjoint = system.conj().transpose(0, 2, 1)
+        found[lines] = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])[:, :, 0]
+    states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
+    taken = np.array([_answer(own, each) for own, each in zip(pull, states, strict=True)])
+    return taken, driven @ states - taken, driven @ found.T
+
+
+def _force(turned: Real) -> Real:
+    """Waves that the force drives, (n_waves,)."""
+    return np.append(1.0, np.stack([np.ones(turned.size), turned], axis=1).ravel())
 
 
 def _moved(frequency_hz: Real, values: Complex, shift: Real) -> Complex:
@@ -345,15 +362,23 @@ def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
     return shift
 
 
-def _taken(basis: Real, pull: Complex) -> Complex:
+def _taken(basis: Real, pull: Complex | Real) -> Any:
     """Factors of (c_0, cc and cs of each order …, ss of each order) in the push of each row."""
     cosine, sine = basis[:, 1::2], basis[:, 2::2]
-    pull_cosine, pull_sine = pull[:, :, 1::2], pull[:, :, 2::2]
-    both = np.empty(pull.shape, dtype=complex)
-    both[:, :, 0] = basis[:, 0] * pull[:, :, 0]
-    both[:, :, 1::2] = cosine * pull_cosine
-    both[:, :, 2::2] = cosine * pull_sine + sine * pull_cosine
-    return np.concatenate([both, sine * pull_sine], axis=2)
+    pull_cosine, pull_sine = pull[..., 1::2], pull[..., 2::2]
+    both = basis * pull
+    both[..., 1::2] = cosine * pull_cosine
+    both[..., 2::2] = cosine * pull_sine + sine * pull_cosine
+    return np.concatenate([both, sine * pull_sine], axis=-1)
+
+
+def _answer(pull: Complex, found: Complex) -> Complex:
+    """Waves C_n p_n that a pull moves, (n_waves, n_frequencies)."""
+    waves, ss = np.split(found, [pull.shape[0]])
+    cc, cs, (cosine, sine) = waves[1::2], waves[2::2], (pull[1::2], pull[2::2])
+    moved = waves * pull
+    moved[1::2], moved[2::2] = cc * cosine + cs * sine, cs * cosine + ss * sine
+    return np.asarray(moved)
 
 
 def _prior(contrast: Real, trust: Real) -> Complex:

@@ -132,7 +132,10 @@ def on_a_tyre(frf, tyre, own_kg, live_kg, seats=SEATS):
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_masses_on_a_belt_that_stretches_are_compensated(seed):
-    """Sensors of 10 g, a reference of 20 g and 60 g at the force, from a mass matrix of its own."""
+    """Sensors of 10 g, a reference of 20 g and 60 g at the force, from a mass matrix of its own.
+
+    With the motion along the belt of all runs together, twice as much is left.
+    """
     tyre = Laboratory(Effects(seed=seed)).tyre
     frf = systems.campaign_frf(truth_modes(), frequency_hz=LINES_HZ)
     own_kg = {run: np.append(np.full(12, 0.01), 0.02) for run in SEATS}
@@ -141,7 +144,7 @@ def test_masses_on_a_belt_that_stretches_are_compensated(seed):
         on_a_tyre(frf, tyre, dict.fromkeys(SEATS, np.zeros(13)), 0.0),
     )
     mass = SensorMass(0.01, SEATS, live_mass_kg=0.06, own_kg=own_kg)
-    assert away(without_mass(loaded, mass), bare) < 0.01 * away(loaded, bare)
+    assert away(without_mass(loaded, mass), bare) < 0.0048 * away(loaded, bare)
     alike = replace(mass, own_kg={})
     assert away(without_mass(loaded, alike), bare) > 0.02 * away(loaded, bare)
 
