@@ -52,6 +52,11 @@ def random_tyre(rng: np.random.Generator) -> tuple[RingParameters, RingDamping]:
     return ring, damping
 
 
+def growth_m(ring: RingParameters) -> float:
+    """Radial growth on inflation under a dead pressure, m."""
+    return float(model.equilibrium(ring).radius_m) - ring.mean_radius_m
+
+
 def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, **how):
     """Ring and damping found from what a test would measure, and the error of its calibration."""
     noise, wrong, masses, orders = how["noise"], how["wrong"], how["masses"], how["orders"]
@@ -79,6 +84,9 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
         tyre["modal_mass_std_kg"] = 0.001 * mass
         if masses == "width":
             tyre["belt_width_m"] = WIDTH_M * (1 + wrong * 0.03 * rng.standard_normal())
+    if how["growth"]:  # measured by a tape or a laser, to a tenth
+        growth = growth_m(ring) * (1 + 0.1 * rng.standard_normal())
+        tyre |= {"radial_growth_m": growth, "radial_growth_std_m": 0.1 * growth_m(ring)}
     if how["torsion"]:
         torsion = model.torsion_frequency_hz(ring, pressure_load=how["load"])
         torsion *= 1 + np.hypot(noise, how["form"]) * rng.standard_normal()
@@ -111,6 +119,8 @@ SCENARIOS = {
     "p0, a wrong": {"noise": 0.001, "wrong": 1.0},
     "default ±": {"noise": 0.001, "wrong": 1.0, "defaults": True},
     "torsion": {"noise": 0.001, "wrong": 1.0, "torsion": True},
+    "growth": {"noise": 0.001, "wrong": 1.0, "growth": True},
+    "breathing": {"noise": 0.001, "wrong": 1.0, "orders": np.arange(9)},
     "order 1 wrong": {"noise": 0.001, "wrong": 1.0, "order_1": 0.025},
     "p0, a wrong, follower": {"noise": 0.001, "wrong": 1.0, "load": "follower"},
     "4 orders": {"noise": 0.001, "orders": np.arange(1, 5)},
@@ -119,7 +129,8 @@ SCENARIOS = {
     "masses, no width": {"noise": 0.001, "wrong": 1.0, "masses": "alone"},
 }
 BASE = {"noise": 0.0, "wrong": 0.0, "form": 0.0, "order_1": 0.0, "masses": ""}
-BASE |= {"load": "dead", "orders": ORDERS, "torsion": False, "defaults": False}
+BASE |= {"load": "dead", "orders": ORDERS, "torsion": False, "growth": False}
+BASE |= {"defaults": False}
 
 
 def coverage(name: str, n_tyres: int) -> None:

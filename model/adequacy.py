@@ -15,7 +15,7 @@ from model.identifiability import (
     OUTLIER,
     WRONG_VALUE,
     degrees_of_freedom,
-    model_form_std,
+    model_form,
     order_1_is_tested,
     restarted,
     with_model_form,
@@ -341,7 +341,7 @@ def _without_wrong_order_1(search: Search, values: Array) -> tuple[Search, Array
     off = problem.relative_deviations(others.ring(found))[problem.orders == 1][0]
     if abs(off) < OUTLIER * problem.priors.model_form_std:
         return search, values, []
-    sharper = with_model_form(search, model_form_std(others, found))
+    sharper = with_model_form(search, model_form(others, found).std)
     other, found, evidence = _without_wrong_value(*restarted(sharper.problem, sharper, values))
     if all(each.order != 1 for each in evidence):
         return search, values, []

@@ -212,18 +212,31 @@ class Spread(ReadonlyArrays):
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
 
-def model_form_std(search: Search, values: Array) -> float:
-    """Relative deviation of ring and tyre, rms, of what the residuals leave of the prior.
+@dataclass(frozen=True, eq=False)
+class ModelForm(ReadonlyArrays):
+    """How far a tyre may be from a ring, relative, as the residuals leave it of the prior.
 
     The prior is uniform in the logarithm and has the stated value as its rms, which remains without
     spare data. Few residuals that happen to be small narrow it little: large ones stay possible.
     """
+
+    size: Array
+    probability: Array
+
+    @property
+    def std(self) -> float:
+        """Root mean square."""
+        return float(np.sqrt(self.probability @ self.size**2))
+
+
+def model_form(search: Search, values: Array) -> ModelForm:
+    """Deviation of ring and tyre that the residuals of a tuning leave."""
     problem = search.problem
     used, prior = problem.used, problem.priors.model_form_std
     own = np.zeros(problem.orders.size) if problem.relative_std is None else problem.relative_std
     spare = degrees_of_freedom(search)
     if spare <= 0 or not prior:
-        return prior
+        return ModelForm(np.array([prior]), np.ones(1))
     own_variance = float(np.mean(own[used] ** 2))
     squares = float(np.sum(problem.relative_deviations(search.ring(values))[used] ** 2))
     size = np.geomspace(1.0 / _FORM_RANGE, 1.0, _FORM_SIZES)
@@ -231,8 +244,9 @@ def model_form_std(search: Search, values: Array) -> float:
     variance = size**2 + own_variance
     logarithm = -0.5 * (spare * np.log(variance) + squares / variance)
     likely = np.exp(logarithm - logarithm.max())
+    form = ModelForm(size, likely / likely.sum())
     excess = max(squares / spare - own_variance, 0.0)  # may be beyond all that is likely
-    return float(np.sqrt(max(np.average(size**2, weights=likely), excess)))
+    return ModelForm(np.sqrt([excess]), np.ones(1)) if excess > form.std**2 else form
 
 
 def restarted(problem: TuningProblem, search: Search, values: Array) -> tuple[Search, Array]:
@@ -304,7 +318,7 @@ def order_1_is_tested(search: Search, values: Array) -> bool:
     is_free_of_it = problem.objective == "paper" or 1 not in problem.orders[problem.used]
     if is_free_of_it or not problem.priors.order_1_std:
         return True
-    search = with_model_form(search, model_form_std(search, values))
+    search = with_model_form(search, model_form(search, values).std)
     wrong = _order_1_change(search, WRONG_VALUE)
     slope = search.with_slope(values)[:, 1:] * search.scale
     own = wrong - slope @ (np.linalg.pinv(slope, rcond=_RANK) @ wrong)

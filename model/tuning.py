@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
 from model.adequacy import RingVerdict, judge_tuning
@@ -21,10 +22,11 @@ from model.identifiability import (
     LARGEST_RELATIVE_STD,
     NOT_IDENTIFIED,
     Correlation,
+    ModelForm,
     Sensitivity,
     Spread,
     frequency_sensitivity,
-    model_form_std,
+    model_form,
     order_1_is_tested,
     posterior_spread,
     with_model_form,
@@ -51,6 +53,9 @@ from model.tuning_problem import (
 if TYPE_CHECKING:
     import pandas as pd
 
+#: Probability of an error beyond half the value up to which a parameter is identified: that of a
+#: standard deviation of a fifth where the model form is known.
+_LARGEST_CHANCE = 2.0 * float(ndtr(-0.5 / LARGEST_RELATIVE_STD))
 _NARROWED = 0.5  # posterior over prior standard deviation up to which the data determine a value
 
 
@@ -298,13 +303,14 @@ def tune_ring(
 
 def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
     search, values, starts, verdict = judge_tuning(problem, *of_rim)
-    form, tested = model_form_std(search, values), order_1_is_tested(search, values)
-    search = with_model_form(search, form)
+    form, tested = model_form(search, values), order_1_is_tested(search, values)
+    search = with_model_form(search, form.std)
     problem = search.problem
     values = search.solution(values)
     ring = search.ring(values)
     spread = posterior_spread(search, values, order_1_tested=tested)
-    how = _how(search, values, spread)
+    wide = posterior_spread(with_model_form(search, 2.0 * form.std), values, order_1_tested=tested)
+    how = _how(search, values, spread, _chance_of_half(spread, wide, form))
     return TuningResult(
         ring=ring,
         std=spread.std,
@@ -318,14 +324,33 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
             ring, problem.orders, pressure_load=problem.pressure_load
         ),
         objective=problem.objective,
-        notes=(*_remarks(search, how, form), starts),
+        notes=(*_remarks(search, how, form.std), starts),
         verdict=verdict,
         pressure_load=problem.pressure_load,
         covariance=spread.covariance,
     )
 
 
-def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
+def _chance_of_half(spread: Spread, wide: Spread, form: ModelForm) -> Callable[[str, float], float]:
+    """Probability that a parameter is off by more than half its value.
+
+    Its variance is linear in that of the model form, `wide` is at twice its rms; and the model form
+    is itself known from few residuals only.
+    """
+    share = (form.size / max(form.std, np.finfo(float).tiny)) ** 2
+
+    def chance(name: str, value: float) -> float:
+        own = spread.std.get(name, 0.0) ** 2
+        of_form = max(wide.std.get(name, 0.0) ** 2 - own, 0.0) / 3.0
+        variance = np.maximum(own + of_form * (share - 1.0), np.finfo(float).tiny)
+        return float(form.probability @ (2.0 * ndtr(-0.5 * value / np.sqrt(variance))))
+
+    return chance
+
+
+def _how(
+    search: Search, values: Array, spread: Spread, chance: Callable[[str, float], float]
+) -> dict[str, str]:
     """How each parameter was obtained, those that were not fitted included."""
     problem, ring = search.problem, search.ring(values)
     how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
@@ -343,10 +368,9 @@ def _how(search: Search, values: Array, spread: Spread) -> dict[str, str]:
         elif bound.get(source, False):
             how[name] = AT_BOUND
         else:
-            value, std = getattr(ring, name), spread.std.get(name, 0.0)
             vague = (
                 no_tyre
-                or std > LARGEST_RELATIVE_STD * value
+                or chance(name, getattr(ring, name)) > _LARGEST_CHANCE
                 or undetermined.get(source, False)
                 or _hardly_narrowed(search, spread, source)
             )
@@ -395,8 +419,8 @@ def _remarks(search: Search, how: dict[str, str], form: float) -> list[str]:
     for name in search.free:
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
-                f"The {_title(name)} is not identified: its standard deviation exceeds a fifth "
-                "of its value, or other parameters can replace it."
+                f"The {_title(name)} is not identified: an error beyond half its value is "
+                "likelier than 1.2 %, or other parameters can replace it."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")

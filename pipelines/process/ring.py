@@ -58,13 +58,14 @@ def tune(result: Result, options: Options) -> Result:
         return replace(result, notes=(*result.notes, reason))
     kept = tuple(f for f in result.findings if f.check not in _OF_RING)
     orders = ring_orders(modal_model)
-    numbers = np.array([order.order for order in orders])
     tuning = _tuned(tyre, modal_model, orders, result.torsions, options)
+    # A rim that moves takes damping too, another mode has its own.
+    used = [order for order in orders if order.order in tuning.verdict.orders_used]
     damping = model.identify_damping(
         tuning.ring,
-        numbers,
-        [order.damping_ratio for order in orders],
-        [order.damping_std for order in orders],
+        [order.order for order in used],
+        [order.damping_ratio for order in used],
+        [order.damping_std for order in used],
         pressure_load=tuning.pressure_load,
         ring_covariance=(tuning.std, tuning.covariance),
     )

@@ -19,7 +19,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
 from model.adequacy import RingVerdict
-from model.damping import DampingResult
+from model.damping import DampingResult, damping_ratios
 from model.parameters import RingParameters
 from model.ring import modal_mass_kg as ring_mass_kg
 from model.tuning import TuningResult
@@ -105,14 +105,18 @@ def validate(
     tuning : TuningResult
     damping : DampingResult or None
     """
-    main = [order.modes[0] for order in orders]
+    main, numbers = [order.modes[0] for order in orders], [order.order for order in orders]
     expected = [aligned_shape(mode, model.position_deg) for mode in main]
+    damped = np.full(len(orders), np.nan)
+    if damping:
+        load = tuning.pressure_load
+        damped = damping_ratios(tuning.ring, damping.damping, numbers, pressure_load=load)
     return Validation(
-        order=np.array([order.order for order in orders]),
+        order=np.array(numbers),
         measured_hz=np.array([order.frequency_hz for order in orders]),
         model_hz=tuning.model_hz,
         measured_damping=np.array([order.damping_ratio for order in orders]),
-        model_damping=damping.model if damping else np.full(len(orders), np.nan),
+        model_damping=damped,
         mac=mac(np.array([mode.residues for mode in main]), np.array(expected)),
         auto_mac=auto_mac(np.array([mode.residues for mode in model.modes])),
     )

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import systems
-from results import FREQUENCIES_HZ, ORDERS, ring_modes
+from results import FREQUENCIES_HZ, ORDERS, ring_modes, tyre_result
 
 from ema.core.mac import mac
 from ema.core.modes import Mode
 from model.tuning import tune_ring
+from pipelines.process.ring import tune
 from pipelines.process.validate import aligned_shape, ring_orders, validate
+from pipelines.results.options import Options
 
 POSITION_DEG = np.arange(72) * 5.0
 
@@ -93,3 +95,13 @@ def test_pure_orders_give_identity_matrices(model, tuning):
     validation = validate(model, ring_orders(model), tuning, None)
     np.testing.assert_allclose(validation.mac, np.eye(7), atol=1e-9)
     np.testing.assert_allclose(validation.auto_mac, np.eye(7), atol=1e-9)
+
+
+def test_order_1_has_no_say_in_the_damping_where_the_rim_moves():
+    whole = tyre_result()
+    modes = (mode_of(1, 40.0), *whole.modal_model.modes)
+    found = tune(replace(whole, modal_model=replace(whole.modal_model, modes=modes)), Options())
+    assert found.tuning.verdict.orders_left_out == (1,)
+    assert list(found.damping.orders) == list(ORDERS[1:])
+    assert list(found.validation.order) == list(ORDERS)
+    np.testing.assert_allclose(found.validation.model_damping[1:], found.damping.model)
