@@ -18,12 +18,14 @@ from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import Complexes, Floats, System, solve
 
-HIGHEST_ORDER = 14
+# To twelve sensors orders n and n ± 12 look alike: what a mass does to orders that a tyre has and the
+# laboratory has not would not be tested.
+HIGHEST_ORDER = 28
 # Orders of the coordinates of a direction, and whether each is a sine.
 ORDERS = np.append(0, np.repeat(np.arange(1, HIGHEST_ORDER + 1), 2))
 SINE = np.append(0, np.tile([0, 1], HIGHEST_ORDER))
 GRID = 256  # points of the integration; exact up to order 128 of integrand
-_VARIED_ORDERS = 2 * HIGHEST_ORDER  # order 2n of a variation splits the pair n
+_VARIED_ORDERS = 28  # order 2n of a variation splits the pair n
 SPLICE_DEG = 8.0
 
 # Rubber and steel of passenger-car tyres around a 225/55R17, uniformly drawn.

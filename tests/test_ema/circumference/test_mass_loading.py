@@ -144,7 +144,7 @@ def test_masses_on_a_belt_that_stretches_are_compensated(seed):
         on_a_tyre(frf, tyre, dict.fromkeys(SEATS, np.zeros(13)), 0.0),
     )
     mass = SensorMass(0.01, SEATS, live_mass_kg=0.06, own_kg=own_kg)
-    assert away(without_mass(loaded, mass), bare) < 0.0048 * away(loaded, bare)
+    assert away(without_mass(loaded, mass), bare) < 0.01 * away(loaded, bare)
     alike = replace(mass, own_kg={})
     assert away(without_mass(loaded, alike), bare) > 0.02 * away(loaded, bare)
 
@@ -163,6 +163,22 @@ def test_the_mass_is_compensated_however_many_sensors_are_moved_at_a_time(n_runs
     loaded, bare = (on_a_tyre(frf, tyre, own_kg, 0.0, seats) for own_kg in (heavy, none))
     found = without_mass(loaded, SensorMass(0.003, seats))
     assert away(found, bare) < 0.2 * away(loaded, bare)
+
+
+def test_what_sensors_off_their_places_show_is_not_taken_for_their_mass():
+    """Within half a degree, on a tyre uneven by 1 %; the waves then miss far more than the noise."""
+    tyre = Laboratory(Effects(seed=1, stiffness_variation=0.01)).tyre
+    frf = replace(systems.campaign_frf(truth_modes(), frequency_hz=LINES_HZ), reference=None)
+    off_deg = np.random.default_rng(1).uniform(-0.5, 0.5, frf.n_positions)
+    there = replace(frf, position_deg=frf.position_deg + off_deg)
+    seats = {name: there.position_deg[np.array(frf.run) == name] for name in SEATS}
+    loaded, bare = (
+        replace(frf, values=on_a_tyre(there, tyre, own_kg, 0.0, seats).values)
+        for own_kg in ({name: np.full(12, kg) for name in SEATS} for kg in (0.003, 0.0))
+    )
+    stated = {name: frf.position_deg[np.array(frf.run) == name] for name in SEATS}
+    found = without_mass(loaded, SensorMass(0.003, stated))
+    assert away(found, bare) < 0.1 * away(loaded, bare)
 
 
 def test_without_mass_nothing_changes():
