@@ -41,7 +41,7 @@ _TURNED = 0.05
 _PASSES = 2
 # No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
 _FARTHEST = 2.0
-# … nor does a k12 tell it that is not so many standard deviations from 0 (lines go together).
+# … nor does k12 tell it within so many standard deviations of 0 (lines are not independent).
 _COUPLED = 10.0
 # Lines as clear as this share of the clearest one belong to the resonance.
 _RESONANT = 0.1

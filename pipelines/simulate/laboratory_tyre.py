@@ -18,8 +18,8 @@ from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import Complexes, Floats, System, solve
 
-# To twelve sensors orders n and n ± 12 look alike: what a mass does to orders that a tyre has and the
-# laboratory has not would not be tested.
+# To twelve sensors orders n and n ± 12 look alike: what a mass does to orders that a tyre has and
+# the laboratory has not would not be tested.
 HIGHEST_ORDER = 28
 # Orders of the coordinates of a direction, and whether each is a sine.
 ORDERS = np.append(0, np.repeat(np.arange(1, HIGHEST_ORDER + 1), 2))

@@ -166,7 +166,7 @@ def test_the_mass_is_compensated_however_many_sensors_are_moved_at_a_time(n_runs
 
 
 def test_what_sensors_off_their_places_show_is_not_taken_for_their_mass():
-    """Within half a degree, on a tyre uneven by 1 %; the waves then miss far more than the noise."""
+    """By half a degree, on a tyre uneven by 1 %; the waves then miss far more than the noise."""
     tyre = Laboratory(Effects(seed=1, stiffness_variation=0.01)).tyre
     frf = replace(systems.campaign_frf(truth_modes(), frequency_hz=LINES_HZ), reference=None)
     off_deg = np.random.default_rng(1).uniform(-0.5, 0.5, frf.n_positions)
