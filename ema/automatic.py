@@ -92,7 +92,9 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
     if len(bases) < 2:
         return tuple(bases)
     if all(each.fit.curve.circle and each.stated_deg is None for each in bases):
-        return _of_ring(bases)
+        alone, fits = _with_known_pairs(bases)
+        every = zip(alone, fits, bases, strict=True)
+        return tuple(replace(each, fit=fit, by_itself=own) for each, fit, own in every)
     together = References(tuple(each.frf for each in bases))
     try:
         diagram = bases[0].asked.diagram(together)
@@ -109,19 +111,6 @@ def joint_bases(bases: Sequence[Basis]) -> tuple[Basis, ...]:
             joint=joint,
         )
         for each, one in zip(bases, rows, strict=True)
-    )
-
-
-def _of_ring(bases: Sequence[Basis]) -> tuple[Basis, ...]:
-    """Orders of a ring from all forces, after the mass of the sensors with what they show of it."""
-    alone = list(bases)
-    curves, _ = joint_curves([each.fit.curve for each in alone])
-    for _ in range(_MASS_PASSES if any(each.loads for each in alone) else 0):
-        alone = [e.across(own) for e, own in zip(alone, across_forces(curves), strict=True)]
-        curves, _ = joint_curves([each.fit.curve for each in alone])
-    return tuple(
-        replace(each, fit=EditedFit(curve), by_itself=before)
-        for each, curve, before in zip(alone, curves, bases, strict=True)
     )
 
 
@@ -285,6 +274,7 @@ class Basis:
             return self
         state = self.state.knowing(across=across)
         curve = self.fit.curve.on(state.fitted)
+        curve.find_pairs()
         return replace(self, state=state, frf=state.fitted, fit=EditedFit(curve))
 
     def is_better_than(self, other: Basis) -> bool:
@@ -312,7 +302,7 @@ def _consistent(state: State, asked: Asked, poles: _Poles, positions: PositionCh
     basis = _first_fit(state, asked, poles, trusted=not positions.hypothesis)
     if not positions.hypothesis:
         basis = _with_sensors_checked(basis)
-    basis = _with_known_pairs(_with_known_drift(basis))
+    basis = _with_known_pairs([_with_known_drift(basis)])[0][0]
     if positions.unexplained > asked.checks.no_wave_share and not positions.hypothesis:
         share = unexplained_share(basis.frf, asked.selected(basis.diagram), asked.band_hz)
         return replace(basis, state=basis.state.told(no_wave_finding(share, asked.checks)))
@@ -361,17 +351,27 @@ def _with_known_drift(basis: Basis) -> Basis:
     return basis
 
 
-def _with_known_pairs(basis: Basis) -> Basis:
-    """With the mass of the sensors compensated by what the pairs show, while that fits."""
-    for _ in range(_MASS_PASSES if basis.loads else 0):
-        if not (across := across_forces([basis.fit.curve])[0]):
+def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[EditedFit]]:
+    """With the mass of the sensors compensated by what pairs show, while that fits; and fits."""
+    fits = _with_pairs(bases)
+    for _ in range(_MASS_PASSES if any(each.loads for each in bases) else 0):
+        found = across_forces([fit.curve for fit in fits])
+        if not any(found):
             break
-        known = basis.across(across)
-        known.fit.curve.find_pairs()
-        if known.fit.model.misfit > SLACK * basis.fit.model.misfit:
+        known = [each.across(own) for each, own in zip(bases, found, strict=True)]
+        again = _with_pairs(known)
+        before, after = (sum(fit.model.misfit for fit in each) for each in (fits, again))
+        if after > SLACK * before:
             break
-        basis = known
-    return basis
+        bases, fits = known, again
+    return bases, fits
+
+
+def _with_pairs(bases: Sequence[Basis]) -> list[EditedFit]:
+    """Fits with the pairs that all forces show, or with those of one by itself."""
+    if len(bases) == 1:
+        return [bases[0].fit]
+    return [EditedFit(curve) for curve in joint_curves([each.fit.curve for each in bases])[0]]
 
 
 @one_blas_thread
