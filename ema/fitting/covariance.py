@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.numerics import kept_with
 from ema.core.recording import BlockPlan
 from ema.fitting.joint_poles import Driven, JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
@@ -222,6 +223,7 @@ class JointSpread:
     participation: Real
 
 
+@kept_with
 def spread_of(point: JointPoint, correlation: float) -> JointSpread:
     """± from the residuals as they are (White 1980; Newey & West 1987; Liang & Zeger 1986).
 

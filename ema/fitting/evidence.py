@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, ndtri, stdtrit
 
-from ema.core.mac import mpc
+from ema.core.mac import auto_mac, mpc
 from ema.core.modes import Flag, Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
-from ema.fitting.joint_poles import JointPoint
+from ema.fitting.joint_poles import Driven, JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 
@@ -46,6 +46,9 @@ _FIRST_ORDER = 0.5
 _CHANCE = 0.05
 # How far the poles of single positions are apart, in half-widths (1 σ): wheel, ruler, half a tyre.
 _USUAL = 0.1
+# Two poles in one resonance are one mode if their shapes have this MAC, and a second shape has
+# less than this share of their residues.
+_ALIKE, _ONE_SHAPE = 0.9, 0.1
 
 
 def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
@@ -319,3 +322,27 @@ def no_clear_peaks(point: JointPoint) -> list[tuple[Flag, ...]]:
         best = np.linalg.norm((rest[2] @ drive.conj()) / np.maximum(rest[1], 1e-12 * size))
         flags.append(() if size * best > _STANDS_OUT else (Flag.NO_CLEAR_PEAK,))
     return flags
+
+
+def each_once(point: JointPoint) -> Driven | None:
+    """Poles with one in the place of two that share a resonance and one shape; None where none do.
+
+    Whatever loads the structure at a force moves the mode as this force sees it: that is no second
+    mode. Two modes differ in shape, or coincide and then have a plane of shapes.
+    """
+    driven, shapes = point.driven, point.shapes
+    alike = driven.shared & (auto_mac(shapes.T) > _ALIKE)
+    for one, other in zip(*np.nonzero(np.triu(alike, 1)), strict=True):
+        group = [int(one), int(other)]
+        residues = shapes[:, group] @ driven.participation[group]
+        sizes, drives = np.linalg.svd(residues, full_matrices=False)[1:]
+        if sizes[1] > _ONE_SHAPE * sizes[0]:
+            continue
+        weight = np.sum(np.abs(shapes[:, group]) ** 2, axis=0)
+        weight *= np.sum(np.abs(driven.participation[group]) ** 2, axis=1)
+        poles, participation = driven.poles.copy(), driven.participation.copy()
+        poles[one] = np.average(driven.poles[group], weights=weight)
+        participation[one] = drives[0]
+        rest = np.delete(poles, other), np.delete(participation, other, axis=0)
+        return Driven(*rest, driven.states)
+    return None

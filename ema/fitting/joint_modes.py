@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from ema.core.display import counted
 from ema.core.errors import FitError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Mode
@@ -18,9 +19,9 @@ from ema.core.references import References, driving_point
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import JointSpread, parameter_covariance, spread_of
 from ema.fitting.curve_fit import final_drift
-from ema.fitting.evidence import no_clear_peaks
+from ema.fitting.evidence import each_once, no_clear_peaks
 from ema.fitting.fit_steps import is_undetermined, modes_of
-from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce, each_once
+from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce
 from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
@@ -40,8 +41,9 @@ _TRIM = 0.06
 _NOT_APART = 2.0
 # … and so are those that coincide within this many half-widths, however little the noise.
 _ONE_PLACE = 1e-3
-# Poles of other bands are in their place after few steps.
-_FEW = 6
+# Poles of other bands are in place after few steps, others after some: where two coincide, their
+# participations go on until both have one pole.
+_FEW, _SOME, _MOST = 3, 6, 60
 
 
 @one_blas_thread
@@ -114,20 +116,20 @@ class JointModes:
         """Rows of a fit from these poles, of which some start elsewhere, and further ones."""
         other, driven = copy(self), self.point.driven
         other.notes = list(self.notes)
-        poles, nearest = np.append(driven.poles, added), np.array(added, dtype=complex)[:, None]
-        nearest = np.argmin(np.abs(self.diagram.poles - nearest), axis=1)
+        poles, further = np.append(driven.poles, added), np.array(added, dtype=complex)
+        nearest = np.argmin(np.abs(self.diagram.poles - further[:, None]), axis=1)
         for pole, start in starts.items():
             poles[pole] = start
         drive = np.concatenate([driven.participation, self.diagram.participation[nearest]])
-        point = self._fit(self.problem, Driven(poles, drive, driven.states))
+        point = self._fit(self.problem, Driven(poles, drive, driven.states), _SOME)
         return other.settled(other._with_planes(point))
 
     def _fitted(self) -> JointPoint:
         """The fit, after poles that are no modes were dropped."""
-        point = self._fit(self.problem, self._start(self.diagram))
+        point = self._fit(self.problem, self._start(self.diagram), _SOME)
         for _ in range(_MOST_DROPS):
             if (once := each_once(point)) is not None:
-                point = self._fit(self.problem, once)
+                point = self._fit(self.problem, once, _SOME)
                 continue
             (measured, left), worth, driven = point.near(), point.worth(), point.driven
             share = np.sqrt(worth / np.maximum(measured, 1e-300))
@@ -146,7 +148,7 @@ class JointModes:
                 for pole, is_noise in zip(driven.poles[drop], noise[drop], strict=True)
                 if self._is_inside(np.array([pole]))[0]
             ]
-            point = self._fit(self.problem, driven.without(drop))
+            point = self._fit(self.problem, driven.without(drop), _SOME)
         return point
 
     def _start(self, diagram: StabilityDiagram) -> Driven:
@@ -184,7 +186,7 @@ class JointModes:
         frequency_hz = np.abs(poles) / (2 * np.pi)
         return (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
 
-    def _fit(self, problem: JointLines, start: Driven, tries: int = 60) -> JointPoint:
+    def _fit(self, problem: JointLines, start: Driven, tries: int = _MOST) -> JointPoint:
         return problem.fit(start, *_bounds(start.poles, self.settings), tries)
 
     def band_shift(self, point: JointPoint) -> Real:
@@ -202,9 +204,8 @@ class JointModes:
                     OfForce.of(_cut(each.lines, low, high), each.own.poles, each.moves)
                     for each in self.problem.forces
                 ]
-                again = self._fit(
-                    JointLines(forces, self.problem.scale), point.driven.without(~inside), _FEW
-                )
+                cut_lines = JointLines(forces, self.problem.scale)
+                again = self._fit(cut_lines, point.driven.without(~inside), _FEW)
                 shift[inside] = np.abs(again.driven.numbers - before[inside])
             shifts.append(shift)
         known = np.isfinite(shifts)
@@ -212,14 +213,33 @@ class JointModes:
         return np.asarray(np.where(known.any(axis=0), largest, np.nan))
 
     def _with_planes(self, point: JointPoint) -> JointPoint:
-        """The fit with one pole, and real shapes, for modes no farther apart than their ±.
+        """The fit with one pole for modes no farther apart than their ±.
 
         The plane of both shapes is determined then, and no shape in it before another.
         """
+        driven, every, n_poles = self._in_planes(point), np.arange(point.driven.poles.size), 0
+        while driven.planes[0].size != n_poles:  # others may not have been in their place
+            n_poles, found = driven.planes[0].size, self._fit(self.problem, driven).driven
+            free = np.ones(found.participation.shape, dtype=bool)
+            free[every, np.argmax(np.abs(found.participation), axis=1)] = False
+            point = JointPoint(self.problem, found, free, every)
+            driven = self._in_planes(point)
+        poles, sizes = np.unique(point.driven.poles, return_counts=True)
+        self.notes += [
+            f"{counted(size, 'mode')} at {abs(pole) / (2 * np.pi):.2f} Hz have one pole, apart by "
+            "no more than their ±: the plane of their shapes is determined, not each shape in it."
+            for pole, size in zip(poles, sizes.tolist(), strict=True)
+            if size > 1
+        ]
+        return point
+
+    def _in_planes(self, point: JointPoint) -> Driven:
+        """With one pole, and participations in real shapes, for modes that the ± do not tell."""
+        driven, (hz, ratio) = point.driven, point.driven.numbers.T
+        if not np.any(np.triu(driven.shared, 1)):
+            return driven
         std = np.sqrt(np.diag(spread_of(point, self.correlation).covariance)).reshape(-1, 2)
-        driven = point.driven
         apart = np.abs(driven.numbers[:, None] - driven.numbers)
-        hz, ratio = driven.numbers.T
         width = np.column_stack([ratio * hz, ratio])
         reach = np.maximum(_NOT_APART * np.hypot(std[:, None], std), _ONE_PLACE * width)
         same = driven.shared & np.all(apart <= reach, axis=2)
@@ -232,22 +252,11 @@ class JointModes:
             rest -= set(group)
             poles[group] = poles[group].mean()
             both = point.shapes[:, group] @ driven.participation[group]
-            both = both * np.exp(-0.5j * np.angle(np.sum(both**2)))
+            both *= np.exp(-0.5j * np.angle(np.sum(both**2)))
             shapes = np.linalg.svd(both.real)[0][:, : len(group)]
             shapes = shapes @ self._mass_axes(shapes, both)
             participation[group] = np.linalg.pinv(shapes) @ both
-            members = ", ".join(f"{hz:.2f}" for hz in np.sort(driven.numbers[group, 0]))
-            self.notes.append(
-                f"The modes at {members} Hz are no farther apart than their ±: they are stated "
-                "with one pole; the plane of their shapes is determined, not each shape in it."
-            )
-        largest = np.argmax(np.abs(participation), axis=1)
-        every = np.arange(poles.size)
-        free = np.ones(participation.shape, dtype=bool)
-        free[every, largest] = False
-        participation = participation / participation[every, largest][:, None]
-        together = Driven(poles, participation, driven.states)
-        return point if len(rest) == poles.size else JointPoint(self.problem, together, free)
+        return Driven(poles, participation, driven.states)
 
     def _mass_axes(self, shapes: Real, residues: Complex) -> Real:
         """Turns real shapes of one plane so that their masses do not couple, as far as known.
@@ -350,8 +359,7 @@ class JointModes:
         """
         lines = self.lines[force]
         missing = np.setdiff1d(np.arange(lines.scale.size), self.rows[force])
-        n_modes = point.driven.poles.size
-        shapes = np.zeros((lines.scale.size, n_modes), dtype=complex)
+        shapes = np.zeros((lines.scale.size, point.driven.poles.size), dtype=complex)
         std = np.zeros(shapes.shape)
         noise = np.sqrt(np.mean(point.misfit**2, axis=0))
         shapes[self.rows[force]] = point.shapes
@@ -371,9 +379,8 @@ class JointModes:
     def _doubts(self, point: JointPoint, std: Real, shifts: Real) -> list[str]:
         """Why modes are not listed; empty where they are, and for all if none would be."""
         _, left = point.near()
-        worth, numbers = point.worth(), point.driven.numbers
+        worth, numbers, doubts = point.worth(), point.driven.numbers, list[str]()
         inside = self._is_inside(point.driven.poles)
-        doubts = []
         for k, (hz, ratio) in enumerate(std):
             shown = Mode(
                 complex(point.driven.poles[k]),

@@ -19,25 +19,30 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.special import chdtrc
 
-from ema.core.mac import auto_mac
 from ema.fitting.pole_fit import Lines
-from ema.fitting.variable_projection import Complex, Projection, Real, descend, project, stacked
+from ema.fitting.variable_projection import (
+    Complex,
+    Projection,
+    Real,
+    descend,
+    orthogonalising,
+    project,
+    stacked,
+)
 
 # Frequency and decay of the structure's state, relative to that of the first force (1 σ), as of
 # a ring: `ema.fitting.joint_pair`.
 _STATE_STD = np.array([0.003, 0.02])
-_NOTHING_LEFT = 1e-4  # of χ²
+_NOTHING_LEFT = 1e-2  # of χ²: a tenth of a standard deviation
 # A step of a participation beside the largest one of its mode.
 _SIZE = 0.1
 # Lines within this many half-widths make up a resonance.
 _RESONANCE = 2.0
 # Poles within so many half-widths share one.
 _SHARED = 1.0
-# Two poles in one resonance are one mode if their shapes have this MAC, and a second shape has
-# less than this share of their residues.
-_ALIKE, _ONE_SHAPE = 0.9, 0.1
 # Least share of a line's noise that its residual is taken to show.
 _LEAST_FREE = 0.1
 
@@ -107,6 +112,26 @@ class Driven:
         return Driven(self.poles[~dropped], self.participation[~dropped], self.states)
 
     @property
+    def planes(self) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """First mode of each pole, and which of these poles each mode has."""
+        return np.unique(self.poles, return_index=True, return_inverse=True)[1:]
+
+    def scaled(self) -> tuple[Driven, NDArray[np.bool_]]:
+        """With participations of which one is 1, and which of them are free.
+
+        Modes of one pole have a plane of shapes: as many forces as modes say no more of it.
+        """
+        participation, free = self.participation.copy(), np.ones(self.participation.shape, bool)
+        first, tied = self.planes
+        for pole in range(first.size):
+            group = np.flatnonzero(tied == pole)
+            given = qr(participation[group], mode="r", pivoting=True)[1][: group.size]
+            free[np.ix_(group, given)] = False
+            largest = np.argmax(np.abs(participation[group]), axis=1)
+            participation[group] /= participation[group, largest][:, None]
+        return Driven(self.poles, participation, self.states), free
+
+    @property
     def numbers(self) -> Real:
         """Frequency in Hz and damping ratio, (n_modes, 2)."""
         size = np.abs(self.poles)
@@ -164,22 +189,27 @@ class JointLines:
         """Weighted sum of squares of everything."""
         return float(np.sum(np.sum(self.target**2, axis=0) * self.scale**2))
 
-    def fit(self, start: Driven, lower: Real, upper: Real, tries: int = 60) -> JointPoint:
-        """The best poles within bounds of (decay rate, frequency), mode by mode in rad/s."""
-        n, largest = start.poles.size, np.argmax(np.abs(start.participation), axis=1)
-        free = np.ones(start.participation.shape, dtype=bool)
-        free[np.arange(n), largest] = False
-        scaled = start.participation / start.participation[~free][:, None]
+    def fit(self, start: Driven, lower: Real, upper: Real, tries: int) -> JointPoint:
+        """The best poles within bounds of (decay rate, frequency), mode by mode in rad/s.
+
+        Poles that are equal at the start stay so.
+        """
+        start, free = start.scaled()
+        first, tied = start.planes
+        n = first.size
 
         def at(x: Real) -> JointPoint:
-            return JointPoint(self, _unpacked(x, free, self.moving), free)
+            return JointPoint(self, _unpacked(x, start, free, self.moving), free, tied)
 
-        begin = _packed(Driven(start.poles, scaled, start.states), free, self.moving)
+        parts = np.concatenate([start.poles[first], start.participation[free]])
+        parts = np.column_stack([parts.real, parts.imag]).ravel()
+        begin = np.concatenate([parts, *start.states[self.moving]])
         open_end = np.full(begin.size - 2 * n, np.inf)
+        lower, upper = (each.reshape(-1, 2)[first].ravel() for each in (lower, upper))
         low, high = lower.copy(), upper.copy()
         low[0::2], high[0::2] = -upper[0::2], -lower[0::2]
         size = np.full(begin.size, _SIZE)
-        size[: 2 * n] = np.repeat(-start.poles.real, 2)
+        size[: 2 * n] = np.repeat(-start.poles[first].real, 2)
         size[begin.size - 2 * len(self.moving) :] = np.tile(_STATE_STD, len(self.moving))
         _, found = descend(
             at,
@@ -193,22 +223,15 @@ class JointLines:
         return found
 
 
-def _packed(driven: Driven, free: NDArray[np.bool_], moving: Sequence[int]) -> Real:
-    """Parameters of a search: poles, free participations, states."""
-    parts = np.concatenate([driven.poles, driven.participation[free]])
-    return np.concatenate(
-        [np.column_stack([parts.real, parts.imag]).ravel(), *driven.states[moving]]
-    )
-
-
-def _unpacked(x: Real, free: NDArray[np.bool_], moving: Sequence[int]) -> Driven:
-    n, n_free = len(free), int(free.sum())
+def _unpacked(x: Real, start: Driven, free: NDArray[np.bool_], moving: Sequence[int]) -> Driven:
+    first, tied = start.planes
+    n, n_free = first.size, int(free.sum())
     parts = x[0 : 2 * (n + n_free) : 2] + 1j * x[1 : 2 * (n + n_free) : 2]
-    participation = np.ones(free.shape, dtype=complex)
+    participation = start.participation.copy()
     participation[free] = parts[n:]
     states = np.zeros((free.shape[1], 2))
     states[moving] = x[2 * (n + n_free) :].reshape(-1, 2)
-    return Driven(parts[:n], participation, states)
+    return Driven(parts[:n][tied], participation, states)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,6 +241,7 @@ class JointPoint:
     problem: JointLines
     driven: Driven
     free: NDArray[np.bool_]  # participations that are searched, (n_modes, n_forces)
+    tied: NDArray[np.int_]  # which of the poles that are searched each mode has
 
     @cached_property
     def _functions(self) -> tuple[Real, list[Real]]:
@@ -233,12 +257,9 @@ class JointPoint:
     def _solved(self) -> tuple[Real, Real, Real]:
         """Orthonormal basis of the functions, the target in it, and what makes shapes of it."""
         waves = self._functions[0]
-        size = np.linalg.norm(waves, axis=0)
-        orthonormal, triangle = np.linalg.qr(waves / size)
-        left, values, right = np.linalg.svd(triangle)
-        kept = values > 1e-9 * values[0]  # poles that coincide and are driven alike are one
-        basis = orthonormal @ left[:, kept]
-        inverse = (right[kept].T / values[kept]) / size[:, None]
+        products = waves.T @ waves
+        inverse = orthogonalising(waves, products, np.sqrt(np.diag(products)))
+        basis = waves @ inverse
         return basis, basis.T @ self.problem.target, inverse
 
     @cached_property
@@ -278,22 +299,18 @@ class JointPoint:
     @cached_property
     def _sums(self) -> tuple[Real, Real]:
         """JᵀJ and Jᵀr of poles and participations of each force, as they are."""
-        basis, _, _ = self._solved
+        basis, inside, _ = self._solved
         slopes, scale = self._functions[1], self.problem.scale
-        n_lines = [len(each) for each in slopes]
-        at = np.cumsum([0, *n_lines])
-        blocks = [slice(at[r], at[r + 1]) for r in range(len(slopes))]
-        seen = np.concatenate(
-            [basis[b].T @ each for b, each in zip(blocks, slopes, strict=True)], axis=1
-        )
-        inner = -seen.T @ seen
+        at = np.cumsum([0, *(len(each) for each in slopes)])
         width = slopes[0].shape[1]
-        for r, each in enumerate(slopes):
+        seen, towards = np.empty((len(inside), at.size * width - width)), list[Real]()
+        inner = np.zeros((seen.shape[1], seen.shape[1]))
+        for r, (each, force) in enumerate(zip(slopes, self.problem.forces, strict=True)):
             own = slice(r * width, (r + 1) * width)
-            inner[own, own] += each.T @ each
-        towards = np.concatenate(
-            [each.T @ self.misfit[b] for b, each in zip(blocks, slopes, strict=True)]
-        )
+            seen[:, own] = basis[at[r] : at[r + 1]].T @ each
+            inner[own, own] = each.T @ each
+            towards.append(each.T @ force.target - seen[:, own].T @ inside)
+        inner -= seen.T @ seen
         c = self._coefficients * scale
         n_parameters = len(c)
         gram = c.reshape(-1, scale.size) @ c.reshape(-1, scale.size).T
@@ -304,7 +321,7 @@ class JointPoint:
             gram[which][:, :, which],
             inner[rows[:, :, None, None], rows[None, None]],
         )
-        gradient = -np.einsum("aqi,aqi->a", c[which], (towards * scale)[rows])
+        gradient = -np.einsum("aqi,aqi->a", c[which], (np.concatenate(towards) * scale)[rows])
         return normal, gradient
 
     @property
@@ -327,20 +344,25 @@ class JointPoint:
     def transform(self) -> Real:
         """Derivative of poles and participations, force by force, to what is searched."""
         n, n_forces = self.free.shape
-        moving, n_free = self.problem.moving, int(self.free.sum())
-        matrix = np.zeros((4 * n * n_forces, 2 * (n + n_free + len(moving))))
+        moving, n_free, n_poles = (
+            self.problem.moving,
+            int(self.free.sum()),
+            int(self.tied.max()) + 1,
+        )
+        matrix = np.zeros((4 * n * n_forces, 2 * (n_poles + n_free + len(moving))))
         column = np.zeros(self.free.shape, dtype=int)
-        column[self.free] = 2 * (n + np.arange(n_free))
+        column[self.free] = 2 * (n_poles + np.arange(n_free))
         k = np.arange(n)
         for r in range(n_forces):
             shift, decay = self.driven.states[r]
             pole, drive = 4 * n * r + 2 * k, 4 * n * r + 2 * n + 2 * k
-            matrix[pole, 2 * k], matrix[pole + 1, 2 * k + 1] = 1 + shift + decay, 1 + shift
+            matrix[pole, 2 * self.tied] = 1 + shift + decay
+            matrix[pole + 1, 2 * self.tied + 1] = 1 + shift
             own = self.free[:, r]
             for part in (0, 1):
                 matrix[drive[own] + part, column[own, r] + part] = 1.0
             if r in moving:
-                state = 2 * (n + n_free + moving.index(r))
+                state = 2 * (n_poles + n_free + moving.index(r))
                 matrix[pole, state] = matrix[pole, state + 1] = self.driven.poles.real
                 matrix[pole + 1, state] = self.driven.poles.imag
         return matrix
@@ -389,7 +411,8 @@ class JointPoint:
         leverage = np.sum(basis**2, axis=1)
         leverage += np.concatenate([force.own.leverage for force in self.problem.forces])
         restored = self.misfit / np.sqrt(np.clip(1 - leverage, _LEAST_FREE, 1.0))[:, None]
-        along = np.einsum("fi,kqi->fkq", restored, self._coefficients * scale**2)
+        factors = (self._coefficients * scale**2).reshape(-1, scale.size)
+        along = (restored @ factors.T).reshape(len(restored), -1, 2)
         score = np.einsum("faq,faq->fa", steep[:, rows], along[:, which]) @ self.transform
         return np.asarray(score.reshape(n_forces, 2, height // 2, -1).sum(axis=1))
 
@@ -424,27 +447,3 @@ class JointPoint:
         """Probability that noise alone is worth as much as each mode."""
         size = self.worth() / (correlation * max(self.reduced, np.finfo(float).eps))
         return np.asarray(chdtrc(2 * self.problem.scale.size, size))
-
-
-def each_once(point: JointPoint) -> Driven | None:
-    """Poles with one in the place of two that share a resonance and one shape; None where none do.
-
-    Whatever loads the structure at a force moves the mode as this force sees it: that is no second
-    mode. Two modes differ in shape, or coincide and then have a plane of shapes.
-    """
-    driven, shapes = point.driven, point.shapes
-    alike = driven.shared & (auto_mac(shapes.T) > _ALIKE)
-    for one, other in zip(*np.nonzero(np.triu(alike, 1)), strict=True):
-        group = [int(one), int(other)]
-        residues = shapes[:, group] @ driven.participation[group]
-        sizes, drives = np.linalg.svd(residues, full_matrices=False)[1:]
-        if sizes[1] > _ONE_SHAPE * sizes[0]:
-            continue
-        weight = np.sum(np.abs(shapes[:, group]) ** 2, axis=0)
-        weight *= np.sum(np.abs(driven.participation[group]) ** 2, axis=1)
-        poles, participation = driven.poles.copy(), driven.participation.copy()
-        poles[one] = np.average(driven.poles[group], weights=weight)
-        participation[one] = drives[0]
-        rest = np.delete(poles, other), np.delete(participation, other, axis=0)
-        return Driven(*rest, driven.states)
-    return None

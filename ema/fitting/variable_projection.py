@@ -128,7 +128,7 @@ def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projecti
     n_linear = 2 * poles.size + 2
     products, given = columns.T @ columns, columns.T @ target
     size = np.sqrt(np.diag(products)[:n_linear])
-    inverse = _orthogonalising(columns[:, :n_linear], products[:n_linear, :n_linear], size)
+    inverse = orthogonalising(columns[:, :n_linear], products[:n_linear, :n_linear], size)
     inside, seen = inverse.T @ given[:n_linear], inverse.T @ products[:n_linear, n_linear:]
     linear = inverse @ inside
     return Projection(
@@ -160,8 +160,8 @@ def _columns(omega: Real, weight: Real, poles: Complex) -> Real:
     return rows.T
 
 
-def _orthogonalising(columns: Real, products: Real, size: Real) -> Real:
-    """R⁻¹ of columns; where two poles coincide, the least-norm one."""
+def orthogonalising(columns: Real, products: Real, size: Real) -> Real:
+    """R⁻¹ of columns, given their products; where two poles coincide, the least-norm one."""
     triangle, failed = dpotrf(products / np.outer(size, size))
     diagonal = np.diag(triangle)
     if failed or diagonal.min() < _TOO_ALIKE:  # products have lost the difference
