@@ -22,7 +22,7 @@ from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.evidence import std_over_positions
-from ema.fitting.order_pair import RingOrder
+from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.variable_projection import Complex, Real
@@ -45,9 +45,7 @@ _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
 # Poles closer than this share of their half-width are one at first.
-CLOSE = 0.5
-# … or than this where runs drift: benchmarks/refits.py, runs out.
-CLOSE_IN_RUNS = 1.0
+_CLOSE = 0.5
 # Without a circle that could tell their orders, poles closer than this are one at first …
 _SAME = 0.15
 # … if their residues together have this share of their power in one order, or this MAC.
@@ -394,7 +392,7 @@ def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
             o
             for o in main
             if abs(labelled[o].frequency_hz - mode.frequency_hz)
-            < CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
+            < _CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
         ]
         same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
         surplus[k] = bound[k] or same
@@ -402,10 +400,7 @@ def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
 
 
 def merged(
-    lines: Lines,
-    poles: NDArray[np.complex128],
-    position_deg: NDArray[np.float64],
-    reach: float = CLOSE,
+    lines: Lines, poles: NDArray[np.complex128], position_deg: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
     """Poles with one in the place of several that share the resonance of one order.
 
@@ -417,7 +412,7 @@ def merged(
     chosen: list[complex] = []
     while rest:
         group = [rest.pop(0)]
-        while rest and _is_close(poles[group[-1]], poles[rest[0]], reach):
+        while rest and _is_close(poles[group[-1]], poles[rest[0]]):
             group.append(rest.pop(0))
         one = len(group) > 1 and _look_alike(poles[group], fit.residues[:, group], position_deg)
         chosen += [complex(np.mean(poles[group]))] if one else poles[group].tolist()
@@ -436,6 +431,6 @@ def _look_alike(
     return bool(apart < _SAME or np.min(auto_mac(residues.T)) > _ONE_ORDER)
 
 
-def _is_close(one: complex, other: complex, reach: float) -> bool:
-    """Whether two poles lie within so many half-widths of each other's resonance."""
-    return bool(abs(one - other) < reach * min(-one.real, -other.real))
+def _is_close(one: complex, other: complex) -> bool:
+    """Whether two poles lie within half the half-width of each other's resonance."""
+    return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))

@@ -11,8 +11,8 @@ import numpy as np
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
-from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import OrderFrf, RingOrder, joint_report, pair_problem
+from ema.fitting.mode_pairs import PairSearch, RingOrder
+from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real

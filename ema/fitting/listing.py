@@ -18,7 +18,7 @@ from ema.core.mac import frac
 from ema.core.modes import Chosen, ModalModel, Mode, OrderReport, Pair, ResidualTerms
 from ema.core.recording import ExponentialWindow
 from ema.core.references import driving_point
-from ema.fitting.order_pair import RingOrder
+from ema.fitting.mode_pairs import RingOrder
 from ema.fitting.pole_fit import PoleFit
 from ema.fitting.variable_projection import Complex
 

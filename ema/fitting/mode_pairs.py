@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ema.circumference.orders import family, further_resonances, with_aliases
+from ema.circumference.orders import PURE, family, further_resonances, order_content, with_aliases
 from ema.core.drift import Drift
 from ema.core.frf import FRF
-from ema.core.modes import Mode, synthesise
-from ema.core.numerics import towards_fixed_point
+from ema.core.modes import Mode, OrderReport, Pair, synthesise
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.order_pair import (
-    SHARED,
     OrderDecomposition,
-    RingOrder,
     Seen,
     fit_pair,
+    one_row,
     order_report,
     pair_problem,
 )
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit, numbers_of
+from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import has_leakage, leakage_bias
 
@@ -37,12 +36,87 @@ _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 _NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
 # Sensors mix of one order into another so many times what is the median of all.
 _MIXED = 3.0
+# Poles closer than this many half-widths of the broader one share a resonance.
+_SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
 # at most so many, until poles move by less than this share of their standard deviation.
 _ROUNDS, _SETTLED = 15, 0.2
-# Rounds that tell where the pairs are heading for, and how far ahead that is believed: half-widths,
-# or shares of a shape.
-_DEPTH, _FAR = 4, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class RingOrder:
+    """What was found of one order of the ring.
+
+    Parameters
+    ----------
+    order : int
+    members : tuple of int
+        Poles of the curve fit that belong to it.
+    pair : PairFit or None
+        None where too few lines lie around the resonance.
+    report : OrderReport
+    seen : Seen
+        What `pair` was found from, before pairs of any order were known.
+    is_main : bool
+        False for further resonances of an order, as of a rim or a sidewall.
+    """
+
+    order: int
+    members: tuple[int, ...]
+    pair: PairFit | None
+    report: OrderReport
+    seen: Seen
+    is_main: bool
+    jointly: bool = False  # whether several forces determine the pair
+
+    @property
+    def key(self) -> int:
+        """The pole that stands for all members."""
+        return self.members[0]
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether both members are determined."""
+        return self.is_main and self.report.pair.verdict is Pair.RESOLVED
+
+    @property
+    def one_row(self) -> int | None:
+        """The member that one row stands for, where members are not listed; None for the mean."""
+        alone = self.is_main and not (self.jointly or self.is_resolved)
+        return one_row(self.pair) if alone and self.pair else None
+
+    def shows_two(self, settings: IdentificationSettings) -> bool:
+        """Whether two poles explain the order better than one."""
+        return self.pair is not None and self.report.pair.chance < settings.pair_p_value
+
+    def is_within(self, main: RingOrder, settings: IdentificationSettings) -> bool:
+        """Whether it is a further resonance in that of its order, which two poles explain."""
+        if self.is_main or self.pair is None or main.pair is None or main.order != self.order:
+            return False
+        poles = np.array([self.pair.mean, main.pair.mean])
+        near = abs(poles[1] - poles[0]) < _SHARED * np.max(-poles.real)
+        return bool(near) and main.is_main and main.shows_two(settings)
+
+    @property
+    def poles(self) -> Complex:
+        """Members a and b; none where the pair is not known."""
+        return np.array(self.pair.poles if self.pair else ())
+
+    def followers(self, fit: PoleFit, position_deg: NDArray[np.float64]) -> set[int]:
+        """Poles that only follow what one pole leaves of a pair that several forces determine."""
+        if not (self.jointly and self.pair):
+            return set()
+        within = np.abs(fit.poles - self.pair.mean) < -self.pair.mean.real
+        within[[*self.members, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
+        near = np.flatnonzero(within).tolist()
+        shapes = {k: order_content(fit.residues[:, k], position_deg) for k in near}
+        return {k for k, c in shapes.items() if c.order == self.order or c.purity < PURE}
+
+    def waves(self, position_deg: NDArray[np.float64]) -> Complex:
+        """Residues of members a and b as pure waves, (n_positions, 2)."""
+        assert self.pair is not None
+        angle = self.order * np.deg2rad(position_deg) - self.seen.force_rad
+        return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
 
 
 class PairSearch:
@@ -117,25 +191,19 @@ class PairSearch:
         self, orders: Sequence[RingOrder], before: Sequence[RingOrder] = ()
     ) -> tuple[RingOrder, ...]:
         """Orders found alone, each beside the pairs of all others; those of `before` stay."""
-        two = any(each.shows_two(self.settings) for each in orders)
-        if not two or all(each in before for each in orders):
-            return tuple(orders)
-        return self._agreed(
-            orders, lambda each, near: each if each in before else self._again(each, near)
-        )
-
-    def _agreed(
-        self, orders: Sequence[RingOrder], again: Callable[[RingOrder, bool], RingOrder]
-    ) -> tuple[RingOrder, ...]:
-        """Orders that each round fits `again` beside all pairs, with whether its own is one."""
-        shown, path = list(orders), _Path()
         for _ in range(_ROUNDS):
-            both = [k for k, each in enumerate(orders) if each.shows_two(self.settings)]
-            self.resolve([shown[k] for k in both])
-            orders = [again(each, k in both) for k, each in enumerate(orders)]
-            if not both or all(_is_settled(*each) for each in zip(shown, orders, strict=True)):
+            both = [each for each in orders if each.shows_two(self.settings)]
+            if not both or all(each in before for each in orders):
                 break
-            shown = path.ahead(shown, orders, both)
+            self.resolve(both)
+            near = [each.pair.parameters if each in both and each.pair else None for each in orders]
+            last = orders
+            orders = [
+                each if each in before else self._again(each, start)
+                for each, start in zip(orders, near, strict=True)
+            ]
+            if all(_is_settled(*each) for each in zip(last, orders, strict=True)):
+                break
         return tuple(orders)
 
     def resolve(self, orders: Sequence[RingOrder]) -> None:
@@ -195,23 +263,25 @@ class PairSearch:
         report = order_report(order, pair, self.settings, float(hz * unknown))
         return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
 
-    def _again(self, before: RingOrder, is_near: bool) -> RingOrder:
-        """The same order beside pairs that are known, perhaps near where its pair was."""
-        near = before.pair.parameters if is_near and before.pair else None
+    def _again(self, before: RingOrder, near: Real | None) -> RingOrder:
+        """The same order beside pairs that are known, perhaps near known parameters."""
         seen = self.seen_of(before.order, list(before.members), near)
         return replace(self.fitted(before.order, list(before.members), seen), seen=before.seen)
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
         """The orders as found before in much the same fit: pairs move, verdicts stay."""
         self.resolve(())
-        now = {each.key: self._still_seen(each) for each in before}
-        moved = [each.key for each in before if (own := now[each.key]) and not own.is_as(each.seen)]
-        if not moved:
-            return tuple(before)
-        near = self._agreed(before, lambda each, _: self._near(each) if each.key in moved else each)
+        seen = [self._still_seen(each) for each in before]
+        moved = [
+            now is not None and not now.is_as(each.seen)
+            for each, now in zip(before, seen, strict=True)
+        ]
+        both = [each for each in before if each.shows_two(self.settings)]
+        if any(moved):
+            self.resolve(both)
         return tuple(
-            replace(each, seen=now[each.key] or each.seen) if each.key in moved else each
-            for each in near
+            self._near(each, now) if now and away else each
+            for each, now, away in zip(before, seen, moved, strict=True)
         )
 
     def _still_seen(self, before: RingOrder) -> Seen | None:
@@ -219,7 +289,7 @@ class PairSearch:
         known = before.pair is not None and found[0] in self.directions
         return self.seen_of(before.order, found) if known else None
 
-    def _near(self, before: RingOrder) -> RingOrder:
+    def _near(self, before: RingOrder, base: Seen) -> RingOrder:
         seen = self._still_seen(before)
         if seen is None or before.pair is None:
             return before
@@ -228,7 +298,7 @@ class PairSearch:
         if problem is None:
             return before
         pair = self.in_first_state(problem.solve_near(before.pair), seen.start)
-        return replace(before, pair=pair)
+        return replace(before, pair=pair, seen=base)
 
     def seen_of(self, order: int, found: list[int], near: Real | None = None) -> Seen:
         """What is seen of one order, and known of it: its own, and what sensors mix into it."""
@@ -303,51 +373,6 @@ class PairSearch:
         return -leakage_bias(self.frf, lines.frequency_hz, runs, shapes)
 
 
-class _Path:
-    """Pairs of all orders from round to round, and what they are heading for."""
-
-    def __init__(self) -> None:
-        self.of = list[int]()
-        self.tried, self.found = list[Complex](), list[Complex]()
-
-    def ahead(
-        self, tried: Sequence[RingOrder], found: Sequence[RingOrder], both: list[int]
-    ) -> list[RingOrder]:
-        """What to try after what was tried last and what that led to; `both` have two poles."""
-        if self.of != both:
-            self.of, self.tried, self.found = both, [], []
-        self.tried.append(_pairs_of([tried[k] for k in both]))
-        self.found.append(_pairs_of([found[k] for k in both]))
-        width, size = -self.found[-1][:, 2].real, np.linalg.norm(self.found[-1][:, 3:], axis=1)
-        alike = np.repeat(np.stack([width, size], axis=1), [3, 4], axis=1)
-        goal = towards_fixed_point(self.tried[-_DEPTH:], self.found[-_DEPTH:], alike)
-        if np.max(np.abs(goal - self.found[-1]) / alike) > _FAR:
-            return list(found)
-        there = dict(zip(both, goal, strict=True))
-        return [_with_pair(each, there.get(k)) for k, each in enumerate(found)]
-
-
-def _pairs_of(orders: Sequence[RingOrder]) -> Complex:
-    """Poles of members and mean, then residues of the members, (n_orders, 7)."""
-    pairs = [each.pair for each in orders if each.pair]
-    return np.array([[*pair.poles, pair.mean, *pair.residues.ravel()] for pair in pairs])
-
-
-def _with_pair(order: RingOrder, numbers: Complex | None) -> RingOrder:
-    """An order with a pair of these poles and residues, or as it is."""
-    if order.pair is None or numbers is None:
-        return order
-    a, b, mean = numbers[:3].tolist()
-    there = replace(
-        order.pair,
-        poles=(a, b),
-        mean=mean,
-        numbers=numbers_of(numbers[:3]),
-        residues=numbers[3:].reshape(2, 2),
-    )
-    return replace(order, pair=there)
-
-
 def _is_settled(before: RingOrder, now: RingOrder) -> bool:
     """Whether a further round changed nothing of an order."""
     if before.pair is None or now.pair is None:
@@ -368,7 +393,7 @@ def _inside(
 def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
     """Poles that share the resonance of an order's own."""
     widest = np.maximum.outer(-poles.real, -poles[own].real)
-    near = np.any(np.abs(poles[:, None] - poles[own]) < SHARED * widest, axis=1)
+    near = np.any(np.abs(poles[:, None] - poles[own]) < _SHARED * widest, axis=1)
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 

@@ -88,7 +88,7 @@ class PairFit:
     def moved(self, shift: float, decay: float) -> PairFit:
         """The pair in a state whose frequencies and decay rates are smaller by these factors."""
         a, b, mean = (p.real / decay + 1j * p.imag / shift for p in (*self.poles, self.mean))
-        return replace(self, poles=(a, b), mean=mean, numbers=numbers_of(np.array([a, b, mean])))
+        return replace(self, poles=(a, b), mean=mean, numbers=_numbers(np.array([a, b, mean])))
 
 
 @dataclass(frozen=True)
@@ -443,9 +443,8 @@ class PairProblem:
     def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean."""
         pole, along, _, half = self._split(x)
-        return numbers_of(np.array([pole - half, pole + half, pole + along]))
+        return _numbers(np.array([pole - half, pole + half, pole + along]))
 
 
-def numbers_of(poles: Complex) -> Real:
-    """Frequency in Hz and damping ratio of poles, one after the other."""
+def _numbers(poles: Complex) -> Real:
     return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))

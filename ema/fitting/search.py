@@ -27,7 +27,6 @@ from ema.fitting.evidence import (
     visible_share,
 )
 from ema.fitting.fit_steps import (
-    CLOSE_IN_RUNS,
     cleared_lines,
     cleared_of_moved,
     merged,
@@ -36,8 +35,7 @@ from ema.fitting.fit_steps import (
     without_leakage,
 )
 from ema.fitting.listing import with_own_factor
-from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import RingOrder
+from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.pole_fit import (
     N_DRIFT,
     N_STAND_INS,
@@ -156,13 +154,9 @@ class CurveFit:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
         if not self.selection.pinned:
             self.start_poles = merged(self.lines, self.start_poles, self.frf.position_deg)
-        self._start_in(None)
-
-    def _start_in(self, states: Real | None) -> None:
-        """Fit from the poles of the diagram, the runs in states of their own or in one."""
+        pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
         self.centre = self.start_poles
-        pairs = self._pairs(evaluate(self.lines, self.centre, NO_SHIFT))
-        self.fit = fit_bounded(self.lines, self.centre, self.settings, states, pairs=pairs)
+        self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
@@ -172,10 +166,8 @@ class CurveFit:
         limit = self.settings.drift_p_value
         self.drift = drift_in_one_step(self.fit, self.frf, self.correlation, limit)
         if self.drift.applied:
-            if not self.selection.pinned:
-                given = self.lines, self.start_poles, self.frf.position_deg
-                self.start_poles = merged(*given, CLOSE_IN_RUNS)
-            self._start_in(self.drift.states)
+            given = self.settings, self._shifts, self.start_poles, self.fit.pairs
+            self.fit = fit_bounded(self.lines, self.fit.poles, *given)
 
     def compensate_leakage(self) -> None:
         """Fit again without the bias of window and block length."""
@@ -273,16 +265,6 @@ class CurveFit:
             search = self.pair_search()
             self.ring = search.orders_alone()
         self.ring = search.orders_together(self.ring)
-        self._settle_states(search)
-
-    def _settle_states(self, search: PairSearch) -> None:
-        """States of the runs beside all pairs, and these once more."""
-        orders = [each for each in self.ring if each.is_main and each.pair is not None]
-        if not self.drift.applied or not orders:
-            return
-        self.drift = drift_beside_pairs(search, orders, self.settings.drift_p_value)
-        self.fit = in_states(self.fit, NO_SHIFT if self._shifts is None else self._shifts)
-        self.ring = self.pair_search().orders_together(self.ring)
 
     def _follow_drift_of_pairs(self, search: PairSearch) -> bool:
         """Give each run its own state as seen with pairs in place; whether that changes any."""
