@@ -141,9 +141,10 @@ def _bared(
         # Errors of angles and gains leave more than the noise: taken for what the sensors do
         # differently from run to run, 0.5° were four times worse than no compensation at all.
         scatter = np.linalg.norm(left, axis=0) / np.sqrt(max(len(left) - len(seen), 1))
+        assumed = np.maximum(noise, scatter)
         taken_soft, with_sensors, seen, left = mass_push(
-            *(rows.frequency_hz, values, np.maximum(noise, scatter), basis[:, soft]),
-            *(pull[:, soft], run, shift, known, seen),
+            *(rows.frequency_hz, values, assumed, basis[:, soft], pull[:, soft], run, shift),
+            *(known, seen),
         )
         for name, moving in zip(names, with_sensors, strict=True):
             own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
