@@ -264,6 +264,8 @@ class Mat5Reader:
             bytes(names.data[start : start + width]).split(b"\0")[0].decode("latin-1")
             for start in range(0, len(names.data), width)
         ]
+        if not fields:
+            return {}
         values = self._cells(count * len(fields), rest, depth)
         rows = [values[start : start + len(fields)] for start in range(0, len(values), len(fields))]
         structs = [dict(zip(fields, row, strict=True)) for row in rows]

@@ -238,7 +238,8 @@ def _run(rows: Sequence[_Row], first: int) -> tuple[_Row, ...]:
 def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
     """The table whose numbers begin at a row, with the rows above it that name the columns.
 
-    There may be units between names and numbers, and a row of other text below the units.
+    There may be units between names and numbers, and a row of other text below the units; or else
+    units above the names.
     """
     run = _run(rows, first)
     width, filled = run[0].width, max(row.filled for row in run)
@@ -254,21 +255,27 @@ def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
     if not fits(above) or holds_numbers_alone(rows[above].line.text):
         return _Table(dialect, run, None, None)
     for units in (above, above - 1):
-        if fits(units - 1) and fits(units) and _holds_units(rows[units], dialect, width):
+        holds = fits(units - 1) and fits(units)
+        holds = holds and _share_of_units(rows[units], dialect, width) > 0.5
+        if holds and not _share_of_units(rows[units - 1], dialect, width) > 0.5:
             return _Table(dialect, run, rows[units - 1].line, rows[units].line)
         if rows[above].is_heading:
             break
     # Units are not names: those are in a line further up that has lost a cell.
     has_names = not (
-        above and rows[above - 1].width > 1 and _holds_units(rows[above], dialect, width)
+        above and rows[above - 1].width > 1 and _share_of_units(rows[above], dialect, width) > 0.5
     )
-    return _Table(dialect, run, rows[above].line if has_names else None, None)
+    if not has_names:
+        return _Table(dialect, run, None, None)
+    on_top = fits(above - 1) and _share_of_units(rows[above - 1], dialect, width) == 1.0
+    return _Table(dialect, run, rows[above].line, rows[above - 1].line if on_top else None)
 
 
-def _holds_units(row: _Row, dialect: Dialect, width: int) -> bool:
+def _share_of_units(row: _Row, dialect: Dialect, width: int) -> float:
+    """Share of a row's cells that are units; 0 for a row that names columns for sure."""
     cells = heading_cells(row.line.text, dialect.separator, width)
-    cells = [cell for cell in cells if is_stated(cell)]
-    return 2 * sum(map(is_known_unit, cells)) > len(cells) and not row.is_heading
+    known = [is_known_unit(cell) for cell in cells if is_stated(cell)]
+    return sum(known) / len(known) if known and not row.is_heading else 0.0
 
 
 def _no_header(where: str, lines: Sequence[Line], table: _Table) -> RecordingFormatError:

@@ -472,3 +472,11 @@ def test_slow_channels_and_a_few_values_are_left_out(tmp_path, slow):
     found = read_file(tmp_path / "a.mat")
     assert (found.recording.names, found.recording.sampling_rate_hz) == (tuple(SINGLY), RATE_HZ)
     assert [each.channel for each in found.findings] == list(slow)
+
+
+def test_a_struct_may_have_no_fields(tmp_path):
+    path = tmp_path / "run.mat"
+    content = {"force": NOISE[:, 0], "fs": 512.0, "about": {"terms": {}, "axis": "Z"}}
+    scipy.io.savemat(path, content)
+    recording = read_file(path).recording
+    assert [each.name for each in recording.channels] == ["force"]

@@ -308,6 +308,14 @@ def test_rows_above_a_table_state_starts_steps_and_units(tmp_path, head):
     np.testing.assert_array_equal(sensor.samples, -np.arange(1.0, 25.0))
 
 
+@pytest.mark.parametrize("above", ["s,N,g", "X unit,s,s\nY unit,N,g"])
+def test_units_above_the_names(tmp_path, above):
+    rows = "".join(f"{k / 512},{k},{-k}\n" for k in range(40))
+    found = content(tmp_path, f"{above}\nTime,force,A01\n{rows}").recording
+    assert [(each.name, each.unit) for each in found.channels] == [("force", "N"), ("A01", "g")]
+    assert found.sampling_rate_hz == 512.0
+
+
 @pytest.mark.parametrize(
     ("row", "message"),
     [
