@@ -114,10 +114,10 @@ class Bench:
             told |= {"id": self.name, "stage": self._stage().value, "error": self._error}
             told["misfits"] = [self._draft.misfits.get(each) for each in keys(self.session.history)]
             told |= {"by": login_name(), "can_reread": bool(recordings_of(self.result))}
-            if not self._is_seen:
-                self._worker.wake(self)
-            self._is_seen = True
-            return told
+            is_new, self._is_seen = not self._is_seen, True
+        if is_new:
+            self._worker.wake(self)
+        return told
 
     def applied(self, revision: int, edit: Edit) -> dict[str, Any]:
         """With one more edit, which is on disk when this returns."""
