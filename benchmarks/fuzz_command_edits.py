@@ -18,6 +18,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from fuzz_files import mutate
 
+from pipelines.storage.checksums import FILES, OWN, content_sha256, sealed, sha256
+
 BAD_NUMBERS = (
     *("0", "-0", "1", "-1", "2", "3", "7", "0.5", "-0.25", "1e3", "1e6", "100000", "2147483648"),
     *("1e-300", "5e-324", "1e300", "1.8e308", "-1e308", "1e400", "nan", "inf", "-inf"),
@@ -312,8 +314,6 @@ def hurt(samples: np.ndarray, rng: random.Random) -> np.ndarray:
 
 def repair_checksums(folder: Path) -> None:
     """Let the checksums of a result fit its files again: the code behind them is reached."""
-    from pipelines.storage.checksums import FILES, OWN, content_sha256, sha256
-
     tyre, marker = folder / "tyre.toml", folder / "provenance.json"
     if tyre.is_file() and not tyre.is_symlink():
         seal_again(tyre)
@@ -331,8 +331,6 @@ def repair_checksums(folder: Path) -> None:
 
 def seal_again(path: Path) -> None:
     """Give a parameter set, or a file of the library, the checksum of its new content."""
-    from pipelines.storage.checksums import OWN, content_sha256, sealed
-
     try:
         document = tomllib.loads(path.read_text())
     except (OSError, ValueError):

@@ -11,6 +11,9 @@ import typer
 from fuzz_command_edits import BAD_NUMBERS, ODD_TEXTS
 from fuzz_command_inputs import Inputs
 
+from model.tuning_problem import PARAMETERS
+from pipelines.cli.app import app
+
 # Commands that do not end by themselves, and options that change the shell of whoever runs this.
 _NEVER = frozenset({"review", "--install-completion"})
 _WEIGHTS = {  # how often, against 10; slow commands whose only input are options come up less
@@ -137,8 +140,6 @@ class Line:
 
 def commands() -> dict[str, list[Any]]:
     """Every command that ends by itself, with its parameters."""
-    from pipelines.cli.app import app
-
     found: dict[str, list[Any]] = {}
 
     def walk(command: Any, path: tuple[str, ...]) -> None:
@@ -339,7 +340,6 @@ class _Drawing:
         return ":".join(parts)
 
     def _named_value(self) -> str:
-        from model.tuning_problem import PARAMETERS
 
         rng = self.rng
         if self.careful:

@@ -14,12 +14,23 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+import io
+
 import h5py
 import pyarrow as pa
 import scenarios_binary as binary
-from builders import ascii58, binary58, fixed
+from builders import ascii58, binary58, fixed, nodes2411
+from nptdms import ChannelObject, RootObject, TdmsWriter
 from tyre_property_files import content as tir_content
 from uff_datasets import shape55, shape2414
+
+from ema.io.formats import is_recording, read_file
+from pipelines.library.library import TyreLibrary
+from pipelines.process.run import process
+from pipelines.report.write import save
+from pipelines.results.options import Options
+from pipelines.simulate.campaign import simulate_campaign
+from pipelines.storage.checksums import FILES, OWN, write_marker
 
 CHANNELS_AND_SAMPLES = tuple[list[str], np.ndarray]
 RATE_HZ = 2000.0
@@ -110,9 +121,6 @@ def _hdf5(names: list[str], samples: np.ndarray) -> bytes:
 
 
 def _tdms(names: list[str], samples: np.ndarray) -> bytes:
-    import io
-
-    from nptdms import ChannelObject, RootObject, TdmsWriter
 
     sink = io.BytesIO()
     with TdmsWriter(sink) as writer:
@@ -144,9 +152,7 @@ WRITERS: dict[str, Callable[[list[str], np.ndarray], bytes]] = {
 
 def signals_of(path: Path) -> CHANNELS_AND_SAMPLES:
     """Names and samples in SI of a recording of the simulated campaign."""
-    import ema.io.formats
-
-    recording = ema.io.formats.read_file(path).recording
+    recording = read_file(path).recording
     names = [channel.name for channel in recording.channels]
     return names, np.stack(
         [np.asarray(c.samples, float) * c.scale_to_si for c in recording.channels]
@@ -155,13 +161,6 @@ def signals_of(path: Path) -> CHANNELS_AND_SAMPLES:
 
 def make_seeds(folder: Path) -> None:
     """Write all good inputs below a folder."""
-    from ema.io.formats import is_recording
-    from pipelines.library.library import TyreLibrary
-    from pipelines.process.run import process
-    from pipelines.report.write import save
-    from pipelines.results.options import Options
-    from pipelines.simulate.campaign import simulate_campaign
-
     campaigns, results = folder / "campaigns", folder / "results"
     campaigns.mkdir(parents=True)
     plain = simulate_campaign(campaigns / "uff", duration_s=DURATION_S)
@@ -206,8 +205,6 @@ def make_seeds(folder: Path) -> None:
 
 def _settle(results: Path) -> None:
     """Give what differs from run to run (times) one value: the same seed changes the same bytes."""
-    from pipelines.storage.checksums import FILES, OWN, write_marker
-
     for path in results.glob("*/provenance.json"):
         record = json.loads(path.read_text())
         record["stage_seconds"] = dict.fromkeys(record["stage_seconds"], 0.1)
@@ -217,8 +214,6 @@ def _settle(results: Path) -> None:
 
 def _ring_shapes() -> bytes:
     """Nodes around a circle and two shapes on them, as a finite-element program writes them."""
-    from builders import nodes2411
-
     angles = np.deg2rad(np.arange(0, 360, 10))
     nodes = {k + 1: (0.33 * np.cos(a), 0.33 * np.sin(a), 0.0) for k, a in enumerate(angles)}
     shapes = {

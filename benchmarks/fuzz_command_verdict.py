@@ -22,6 +22,8 @@ from types import ModuleType
 
 from fuzz_command_lines import Line
 
+from pipelines.cli.main import main
+
 MOST_S = 20.0
 _DOCTOR_S = 60.0  # starts six processes, of which each may wait for a processor
 _NO_FILE_ABOVE_BYTES = 512 << 20
@@ -176,8 +178,6 @@ def _connect(number: int, kind: str, path: Path) -> None:
 
 def _main(arguments: list[str]) -> int:
     """What the interpreter does around ``main()``: exit codes, uncaught errors, the last flush."""
-    from pipelines.cli.main import main
-
     sys.argv = ["ringmodal", *arguments]
     code = 0
     try:

@@ -12,6 +12,7 @@ holds small files to the same rule.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import gzip
 import os
 import subprocess
@@ -25,6 +26,14 @@ from fuzz_files import PLAIN_MEMORY
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]
+import scenarios_binary as binary  # noqa: E402
+from builders import ascii58, fixed  # noqa: E402
+from scenarios import RATE_HZ, force, sensor, table  # noqa: E402
+
+import ema  # noqa: E402
+from ema.core.errors import InputError  # noqa: E402
+from pipelines.prepare.inspection import inspect_files  # noqa: E402
+
 MOST = 4.0
 FLOOR_BYTES = 64 << 20
 
@@ -33,9 +42,6 @@ Builder = Callable[[np.ndarray], bytes]
 
 def builders() -> Iterator[tuple[str, Builder]]:
     """Names of files, and how each is made from force and acceleration, (2, n)."""
-    import scenarios_binary as binary
-    from builders import ascii58, fixed
-    from scenarios import RATE_HZ, force, sensor, table
 
     def ascii_functions(signals: np.ndarray) -> bytes:
         text = [fixed(values) for values in signals]
@@ -84,11 +90,6 @@ def _status(key: str) -> int:
 
 def measure(small: Path, large: Path) -> None:
     """Print growth of VmPeak and VmHWM from the small file to the large one, in bytes."""
-    import contextlib
-
-    import ema
-    from ema.core.errors import InputError
-    from pipelines.prepare.inspection import inspect_files
 
     def read(path: Path) -> None:
         with contextlib.suppress(InputError):  # WAV and MATLAB files state no force

@@ -19,6 +19,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from browser import Browser, chromium  # noqa: E402
 
+from pipelines.report.write import run_demo  # noqa: E402
+
 BUILD = """
 import sys, time
 from pathlib import Path
@@ -75,7 +77,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeat", type=int, default=5)
     repeat = parser.parse_args().repeat
-    from pipelines.report.write import run_demo
 
     with tempfile.TemporaryDirectory() as folder:
         _, result = run_demo(Path(folder))

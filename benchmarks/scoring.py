@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 from tyres import ORDERS, RandomTyre
 
 from pipelines.simulate.truth import TruthMode
@@ -167,8 +168,6 @@ def score(tyre: RandomTyre, found: list[FoundMode], seconds: float, drift: float
 
 def _assigned(targets: list[Target], found: list[FoundMode]) -> list[Match]:
     """Each target with one mode, closest together in all."""
-    from scipy.optimize import linear_sum_assignment
-
     if not found:
         return []
     wanted_hz = np.array([target.frequency_hz for target in targets])

@@ -19,6 +19,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from speed_floor import transform
+
+import ema
+from ema.io.formats import read_file
+from ema.io.uff.write import write_time_series
+from pipelines.simulate.campaign import simulate_campaign
 
 HERE = Path(__file__).resolve().parent
 BLOCK, STEP = 8000, 4000  # what ringmodal takes for these recordings: 4 s, half overlapping
@@ -77,9 +83,6 @@ def compare(commands: dict[str, list[str]], repeat: int) -> dict[str, Cost]:
 
 def write_campaign(folder: Path, single: Path, duration_s: float) -> Path:
     """The simulated campaign in double precision, repeated to the length wanted."""
-    from ema.io.formats import read_file
-    from ema.io.uff.write import write_time_series
-
     folder.mkdir()
     for name in ("campaign.toml", "truth.toml"):
         (folder / name).write_bytes((single / name).read_bytes())
@@ -98,8 +101,6 @@ def write_campaign(folder: Path, single: Path, duration_s: float) -> Path:
 @contextmanager
 def campaigns() -> Iterator[Callable[[float], Path]]:
     """Campaigns of any duration, in a temporary folder."""
-    from pipelines.simulate.campaign import simulate_campaign
-
     with tempfile.TemporaryDirectory() as place:
         single = simulate_campaign(Path(place) / "single", duration_s=STRETCH_S)
         yield lambda duration_s: write_campaign(
@@ -145,10 +146,6 @@ def paper_size(campaign: Path, repeat: int, *, peers: bool) -> None:
 
 def frf_stage(campaign: Path, repeat: int) -> None:
     """The FRF stage in one process against the same reading and FFTs there."""
-    from speed_floor import transform
-
-    import ema
-
     read = ema.read_campaign(campaign)
     times: dict[str, list[float]] = {"floor": [], "ringmodal": []}
     for _ in range(repeat + 1):  # the first one warms up
@@ -180,8 +177,6 @@ def growth_with_order(campaign: Path) -> None:
 
 def growth_with_channels(campaign: Path) -> None:
     """FRFs of one run whose channels stand in it several times."""
-    import ema
-
     (first, *_) = ema.read_campaign(campaign).runs
     print("\n| channels of a run | FRFs, s | s per channel |\n|---:|---:|---:|")
     for times in (1, 4, 16):

@@ -419,8 +419,8 @@ def _remarks(search: Search, how: dict[str, str], form: float) -> list[str]:
     for name in search.free:
         if how.get(name) == NOT_IDENTIFIED:
             remarks.append(
-                f"The {_title(name)} is not identified: an error beyond half its value is "
-                "likelier than 1.2 %, or other parameters can replace it."
+                f"The {_title(name)} is not identified: an error of half its value "
+                "cannot be ruled out, or other parameters can replace it."
             )
         if how.get(name) == AT_BOUND:
             remarks.append(f"The {_title(name)} is at a bound of its range.")

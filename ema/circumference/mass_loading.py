@@ -116,11 +116,7 @@ def _bared(
     soft, stiff = slice(1 + 2 * _TYRE_ORDERS), slice(1 + 2 * _TYRE_ORDERS, None)
     inertance = _stiff_inertances(waves[stiff], rows.frequency_hz)
     along_force = basis[:, stiff][:, ::2] @ inertance[::2]
-    known, none = np.full((basis[:, soft].shape[1] // 2, noise.size), np.nan + 0j), np.zeros(1)
-    parts = [part for name in names for part in name.split("+")]
-    for order, (poles, each) in across.items():
-        middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)
-        known[order - 1 : order] = synthesise(rows.frequency_hz, middle, each[None], none, none)
+    known = _between_members(across, drift, names, rows.frequency_hz)[: len(waves[soft]) // 2]
     seen, own = waves[soft], dict.fromkeys(sensors_deg, waves)
     left = rows.values - along_force - basis[:, soft] @ seen
     for _ in range(_PASSES):
@@ -157,6 +153,18 @@ def _bared(
     at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0]
     at_force -= taken[:, :1].sum(axis=1) + taken[:, 1::2].sum(axis=1)  # only cosines move the force
     return bare, dict(zip(names, at_force, strict=True))
+
+
+def _between_members(
+    across: Across, drift: Drift, names: Sequence[str], frequency_hz: Real
+) -> Complex:
+    """Difference ss − cc of each order, between the runs; NaN where it is not known."""
+    known, none = np.full((_TYRE_ORDERS, frequency_hz.size), np.nan + 0j), np.zeros(1)
+    parts = [part for name in names for part in name.split("+")]
+    for order, (poles, each) in across.items():
+        middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)
+        known[order - 1 : order] = synthesise(frequency_hz, middle, each[None], none, none)
+    return known
 
 
 def _joined(frf: FRF, reference: FRF) -> FRF:

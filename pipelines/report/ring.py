@@ -30,9 +30,9 @@ from pipelines.storage.atomic import file_written_whole
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 WORDS = (0, 1, 3, 4)
 HOW_OBTAINED = (
-    "± is one standard deviation. Not identified: the measured frequencies leave more than a fifth "
-    "of the parameter open, or all of it. At bound: the search ended on a limit, the value is not "
-    "an optimum. All stiffnesses, masses and damping values are per unit of belt width."
+    "± is one standard deviation. Not identified: an error of half the value cannot be ruled out, "
+    "or the measurement tells nothing of it. At bound: the search ended on a limit, the value is "
+    "not an optimum. All stiffnesses, masses and damping values are per unit of belt width."
 )
 IN_DOUBT = (
     "The angles of the sensors are in doubt, and with them every order: the ring that follows from "

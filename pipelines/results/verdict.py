@@ -258,7 +258,9 @@ def _of_parameters(result: Result) -> Iterator[Remark]:
         essential = any(how[name] == NOT_IDENTIFIED for name in _ESSENTIAL)
         symbols = ", ".join(each.rpartition(" ")[2] for each in missing)
         brief = f"not identified: {symbols}"
-        text = f"Not identified: {', '.join(missing)}; more than a fifth of the value is open."
+        text = (
+            f"Not identified: {', '.join(missing)}; an error of half the value cannot be ruled out."
+        )
         yield Remark(State.DOUBTFUL if essential else State.GOOD, text, "parameters", brief)
     if bound := _named(how, AT_BOUND):
         text = f"At a limit of the search: {', '.join(bound)}; the value is not an optimum."
