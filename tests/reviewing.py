@@ -13,8 +13,9 @@ from pathlib import Path
 
 from starlette.testclient import TestClient
 
+from pipelines.review.answers import Office
 from pipelines.review.bench import Desk
-from pipelines.review.server import application
+from pipelines.review.server import application, begun
 
 PORT, TOKEN = 8123, "f" * 64
 ORIGIN = f"http://127.0.0.1:{PORT}"
@@ -26,7 +27,7 @@ class Page:
 
     def __init__(self, desk, name, **headers):
         own = {"Origin": ORIGIN, "X-Ringmodal-Token": TOKEN, **headers}
-        app = application(desk, PORT, TOKEN)
+        app = application(begun(lambda: Office(desk)), PORT, TOKEN)
         self.client = TestClient(app, base_url=ORIGIN, headers=own)
         self.place = f"/api/r/{name}"
 

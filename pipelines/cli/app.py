@@ -36,7 +36,7 @@ _COMMANDS = {
         ("refit", "refit", "Identify the modes of a result again, with decisions of yours."),
         ("result", "tune", "Determine the ring parameters again, from the modes of a result."),
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
-        ("refit", "review", "Review a result in the browser: see, decide, sign off."),
+        ("review", "review", "Review a result in the browser: see, decide, sign off."),
         ("compare", "compare", "Compare results, with the significance of each difference."),
         ("result", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
         ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),

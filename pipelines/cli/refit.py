@@ -1,15 +1,11 @@
-"""``ringmodal refit`` and ``review``: decisions on a result, and the page to take them."""
+"""``ringmodal refit``: decisions on a result."""
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.util import find_spec
 from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +17,7 @@ from ema.refit import EditCost
 from pipelines.cli import options as opt
 from pipelines.cli.result import show
 from pipelines.cli.screen import print_table, shown
-from pipelines.cli.streams import Interrupted, reporting_outcome
+from pipelines.cli.streams import reporting_outcome
 from pipelines.cli.terminal import echo, print_json
 from pipelines.library.version import login_name
 from pipelines.process.refit import cost, refittable
@@ -29,11 +25,10 @@ from pipelines.process.refit import refit as refitted
 from pipelines.report.page import read_template
 from pipelines.report.write import save
 from pipelines.results.edits_file import Record, read_edits
-from pipelines.storage.atomic import MARKER, require_free
+from pipelines.storage.atomic import require_free
 
 DECISIONS = "Decisions"
 _EDITED = r"-edited(-\d+)?$"
-_NEEDED = "starlette", "uvicorn", "filelock"
 
 
 def _at(text: str) -> Any:
@@ -194,50 +189,3 @@ def _show_cost(tried: EditCost, *, as_json: bool) -> None:
     before, after = number(tried.misfit_before, 4), number(tried.misfit_after, 4)
     echo(f"χ²: {signed(tried.change, 0)}; over its degrees of freedom {before} → {after}")
     echo("Nothing was written.")
-
-
-def review(
-    place: Annotated[Path, opt.argument("RESULT|CAMPAIGN|FOLDER", "What to look at.")],
-    port: Annotated[int, opt.option("Port; 0 for a free one.", "", "N", min=0, max=65535)] = 0,
-    no_open: Annotated[bool, opt.flag("--no-open", "Do not open the browser.")] = False,
-) -> None:
-    """Review results in the browser: see the poles, decide, sign off.
-
-    The server answers this machine alone; Ctrl-C ends it. Every edit is on disk before it is
-    shown, so that nothing is lost.
-
-    Examples:
-      ringmodal review results/tyre_7
-      ringmodal review measurements/2026-11 --no-open
-    """  # noqa: D406, D407 - a heading of the help
-    if missing := [name for name in _NEEDED if find_spec(name) is None]:
-        rule, remedy = "the review needs it", f"Install it: pip install {' '.join(_NEEDED)}"
-        raise InputError("ringmodal review", f"{missing[0]} is not installed", rule, remedy)
-    # Not above: an optional part, and slow to load.
-    from pipelines.review.bench import Desk
-    from pipelines.review.folder import is_at_rig
-    from pipelines.review.server import open_browser, serve
-
-    if not place.is_dir():
-        rule = "it is the folder of a result, of a campaign, or of several"
-        raise InputError(str(place), "no folder", rule, "Name a folder")
-    place = place.resolve()
-    is_result = (place / MARKER).is_file()
-    desk = Desk(place.parent if is_result else place)
-    name = desk.name_of(place)
-    page = f"/r/{name}" if is_result else f"/w/{name}" if is_at_rig(place) else "/"
-
-    def announce(address: str, file: Path) -> None:
-        if is_result:
-            desk.open_early(name)
-        echo(address)
-        echo(f"open: {file}")
-        sys.stdout.flush()  # for a program that waits for the address
-        if not no_open:
-            open_browser(file)
-
-    with suppress(Interrupted):  # the usual end; every edit is in a draft already
-        serve(desk, page, port, announce)
-    if desk.is_busy:  # an interpreter that ends under a thread in compiled code is aborted
-        sys.stdout.flush()
-        os._exit(0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import shlex
+from asyncio import AbstractEventLoop, Queue
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
@@ -12,17 +14,17 @@ from typing import Any
 
 from ema.core.display import value_with_std
 from ema.core.edits import OF_CHANNELS, OF_POLES, Edit, EditKind
-from ema.core.errors import InputError
+from ema.core.errors import FitError, InputError
 from ema.core.modes import Mode
 from pipelines.process.refit import of_blocks, refit
 from pipelines.report.write import save
 from pipelines.results.edits_file import EDITS_NAME, edits_of
 from pipelines.results.result import Result
 from pipelines.review import curves
-from pipelines.review.bench import Bench, Desk, StaleError
+from pipelines.review.bench import Bench, Desk, Event, StaleError
 from pipelines.review.curves import evidence
 from pipelines.review.folder import compared, frf_blob, require_few
-from pipelines.review.sight import ModeRow, Sight, edit_text
+from pipelines.review.sight import ModeRow, Sight, edit_text, refusal
 from pipelines.review.worker import recordings_of, replayed
 
 _FAR_SIGMA = 3.0  # a change that is worth a warning
@@ -155,6 +157,55 @@ Answer = Mapping[str, Any] | bytes  # bytes are arrays
 
 class MissingError(LookupError):
     """Something that a request names is not there."""
+
+
+@dataclass(frozen=True)
+class Office:
+    """A desk that answers, whatever goes wrong: what the server wants of it."""
+
+    desk: Desk
+
+    def read(self, place: Sequence[str], query: Mapping[str, str]) -> tuple[Answer, int]:
+        """Answer to a request that changes nothing, with its status."""
+        return _answered(lambda: read(self.desk, place, query))
+
+    def write(self, place: Sequence[str], content: Content) -> tuple[Answer, int]:
+        """Answer to a request that changes something, with its status."""
+        try:
+            return _answered(lambda: write(self.desk, place, content))
+        except StaleError as error:
+            told = {"where": "revision", "found": str(error), "rule": "another page changed it"}
+            told |= {"remedy": "Look at the new state"}
+            bench = self.desk.bench(place[1])
+            return {"error": told, "state": bench and bench.state()}, 409
+
+    def listening(self, loop: AbstractEventLoop) -> AbstractContextManager[Queue[Event]]:
+        """Yield a queue of the events from now on."""
+        return self.desk.listening(loop)
+
+    def tell(self, event: Event) -> None:
+        """Pass an event on to all pages."""
+        self.desk.tell(event)
+
+    def close(self) -> None:
+        """End fits, watches and processes, and free the drafts."""
+        self.desk.close()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a thread goes on after `close`."""
+        return self.desk.is_busy
+
+
+def _answered(answer: Callable[[], Answer]) -> tuple[Answer, int]:
+    try:
+        return answer(), 200
+    except MissingError:
+        return {"error": {"where": "page", "found": "not found", "rule": "", "remedy": ""}}, 404
+    except FitError as error:
+        return {"error": refusal(error)}, 422
+    except InputError as error:
+        return {"error": refusal(error)}, 400
 
 
 def read(desk: Desk, place: Sequence[str], query: Mapping[str, str]) -> Answer:

@@ -323,18 +323,19 @@ class Desk:
     ----------
     root : Path
         Nothing outside of it is opened.
+    places : mapping of str to Path, optional
+        Folders that have names already.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, places: Mapping[str, Path] | None = None) -> None:
         self.root = root.resolve()
         self._worker = Worker()
         self._jobs = Jobs(lambda: self.tell({"kind": "home"}))
         self._lock = threading.RLock()
-        self._places: dict[str, Path] = {}
+        self._places = dict(places or {})
         self._benches: dict[str, Bench] = {}
         self._watches: dict[str, Watch] = {}
         self._results: dict[tuple[Path, int], Result] = {}
-        self._opening: threading.Thread | None = None
         self._listeners: set[tuple[asyncio.AbstractEventLoop, asyncio.Queue[Event]]] = set()
 
     def name_of(self, path: Path) -> str:
@@ -364,20 +365,10 @@ class Desk:
                 self._benches[name] = Bench(name, path, self._worker, self._tell_state)
             return self._benches[name]
 
-    def open_early(self, name: str) -> None:
-        """Open the result of a name while its page is on the way; the page learns of errors."""
-
-        def opening() -> None:
-            with suppress(InputError):
-                self.bench(name)
-
-        self._opening = threading.Thread(target=opening, name="opening", daemon=True)
-        self._opening.start()
-
     @property
     def is_busy(self) -> bool:
         """Whether a thread goes on after `close`."""
-        return self._worker.is_alive or (self._opening is not None and self._opening.is_alive())
+        return self._worker.is_alive
 
     def watch(self, name: str) -> Watch | None:
         """The campaign of a name, looked at from now on."""

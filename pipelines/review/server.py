@@ -5,35 +5,29 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import secrets
 import socket
 import tempfile
+import threading
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, MutableMapping
-from contextlib import contextmanager
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import uvicorn
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import (
-    FileResponse,
-    HTMLResponse,
-    JSONResponse,
-    Response,
-    StreamingResponse,
-)
+from starlette.responses import HTMLResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from ema.core.display import jsonable
-from ema.core.errors import FitError, InputError
+from ema.core.errors import InputError
 from pipelines import report
-from pipelines.review.answers import Answer, MissingError, read, write
-from pipelines.review.bench import Desk, StaleError
-from pipelines.review.sight import refusal
 
 TOKEN_HEADER = "X-Ringmodal-Token"
 MOST_BYTES = 2**18  # of a request
@@ -53,6 +47,35 @@ Message = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Message, Receive, Send], Awaitable[None]]
+Event = Mapping[str, Any] | None  # None ends a stream
+
+
+Answered = tuple[Mapping[str, Any] | bytes, int]  # JSON or arrays, and the status
+
+
+class Answering(Protocol):
+    """Who answers. It takes as long to load as the pages do, and they do not wait for it."""
+
+    def read(self, place: list[str], query: Mapping[str, str]) -> Answered:
+        """Answer to a request that changes nothing, by the parts of its path below ``/api``."""
+
+    def write(self, place: list[str], content: Mapping[str, Any]) -> Answered:
+        """Answer to a request that changes something."""
+
+    def listening(
+        self, loop: asyncio.AbstractEventLoop
+    ) -> AbstractContextManager[asyncio.Queue[Event]]:
+        """Yield a queue of the events from now on."""
+
+    def tell(self, event: Event) -> None:
+        """Pass an event on to all pages."""
+
+    def close(self) -> None:
+        """End what goes on beside the pages."""
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a thread goes on after `close`."""
 
 
 @dataclass(frozen=True)
@@ -184,24 +207,27 @@ _KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 _COLOURS = Path(report.__file__).with_name("colours.css")  # those of the report
 # Script of each page; the review has a frame of its own, the others share one.
 _PAGES = {"/": "landing", "/r/{name}": "app", "/compare": "compare", "/w/{name}": "watch"}
-_NOT_FOUND = {"where": "page", "found": "not found", "rule": "", "remedy": ""}
+_IMPORTED = re.compile(r'^(?:import|export)\b.* from "\./(.+?)";$', re.MULTILINE)
+_PRELOADED = '<link rel="modulepreload" href="/static/{}">'
 
 
-def application(desk: Desk, port: int, token: str) -> Guard:
+def application(office: Future[Answering], port: int, token: str) -> Guard:
     """The whole application: guard, pages and data."""
-    routes = [Route(path, _page(name)) for path, name in _PAGES.items()]
+    files = {path.name: path.read_bytes() for path in (*_STATIC.glob("*.*"), _COLOURS)}
+    routes = [Route(path, _page(name, files)) for path, name in _PAGES.items()]
     routes += [
-        Route("/static/{name:path}", _static),
-        Route("/api/events", _events(desk)),
-        Route("/api/{place:path}", _reading(desk), methods=["GET"]),
-        Route("/api/{place:path}", _writing(desk), methods=["POST"]),
+        Route("/static/{name:path}", _static(files)),
+        Route("/api/events", _events(office)),
+        Route("/api/{place:path}", _reading(office), methods=["GET"]),
+        Route("/api/{place:path}", _writing(office), methods=["POST"]),
     ]
     return Guard(Starlette(routes=routes), port, token)
 
 
-def _page(script: str) -> Callable[[Request], Awaitable[Response]]:
-    frame = _STATIC / ("review.html" if script == "app" else "page.html")
-    content = frame.read_text(encoding="utf-8").replace("SCRIPT", script)
+def _page(script: str, files: Mapping[str, bytes]) -> Callable[[Request], Awaitable[Response]]:
+    frame = files["review.html" if script == "app" else "page.html"].decode("utf-8")
+    preloaded = map(_PRELOADED.format, sorted(_modules(f"{script}.js", files)))
+    content = frame.replace("PRELOADED", "\n".join(preloaded)).replace("SCRIPT", script)
 
     async def page(_: Request) -> Response:
         return HTMLResponse(content)
@@ -209,25 +235,37 @@ def _page(script: str) -> Callable[[Request], Awaitable[Response]]:
     return page
 
 
-async def _static(request: Request) -> Response:
-    """One of the files of the pages; a name that is none of them leads nowhere."""
-    wanted = request.path_params["name"]
-    files = *_STATIC.glob("*.*"), _COLOURS
-    paths = {path.name: path for path in files if path.suffix != ".html"}
-    if wanted not in paths:
-        return _json({"error": _NOT_FOUND}, 404)
-    return FileResponse(paths[wanted], media_type=_KINDS.get(paths[wanted].suffix, "text/plain"))
+def _modules(script: str, files: Mapping[str, bytes]) -> set[str]:
+    """All modules that a script needs: a browser that knows them asks for all at once."""
+    found, new = set[str](), {script}
+    while new:
+        found |= new
+        new = {name for each in new for name in _IMPORTED.findall(files[each].decode())} - found
+    return found - {script}
 
 
-def _reading(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
+def _static(files: Mapping[str, bytes]) -> Callable[[Request], Awaitable[Response]]:
+    async def static(request: Request) -> Response:
+        """One of the files of the pages; a name that is none of them leads nowhere."""
+        wanted = request.path_params["name"]
+        if wanted not in files or wanted.endswith(".html"):
+            error = {"where": wanted, "found": "not found", "rule": "", "remedy": ""}
+            return _json({"error": error}, 404)
+        return Response(files[wanted], media_type=_KINDS[Path(wanted).suffix])
+
+    return static
+
+
+def _reading(office: Future[Answering]) -> Callable[[Request], Awaitable[Response]]:
     async def reading(request: Request) -> Response:
+        there = await asyncio.wrap_future(office)
         query = dict(request.query_params)
-        return await _answered(lambda: read(desk, _place(request), query))
+        return _told(await run_in_threadpool(there.read, _place(request), query))
 
     return reading
 
 
-def _writing(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
+def _writing(office: Future[Answering]) -> Callable[[Request], Awaitable[Response]]:
     async def writing(request: Request) -> Response:
         try:
             content = json.loads(await request.body())
@@ -236,14 +274,8 @@ def _writing(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
         if not isinstance(content, dict):
             error = {"where": "request", "found": "no table", "rule": "it is a JSON object"}
             return _json({"error": {**error, "remedy": "Reload the page"}}, 400)
-        place = _place(request)
-        try:
-            return await _answered(lambda: write(desk, place, content))
-        except StaleError as error:
-            told = {"where": "revision", "found": str(error), "rule": "another page changed it"}
-            told |= {"remedy": "Look at the new state"}
-            bench = desk.bench(place[1])
-            return _json({"error": told, "state": bench and bench.state()}, 409)
+        there = await asyncio.wrap_future(office)
+        return _told(await run_in_threadpool(there.write, _place(request), content))
 
     return writing
 
@@ -252,31 +284,24 @@ def _place(request: Request) -> list[str]:
     return str(request.path_params["place"]).split("/")
 
 
-async def _answered(answer: Callable[[], Answer]) -> Response:
-    """The answer of a thread, and what can go wrong with it as JSON."""
-    try:
-        content = await run_in_threadpool(answer)
-    except MissingError:
-        return _json({"error": _NOT_FOUND}, 404)
-    except FitError as error:
-        return _json({"error": refusal(error)}, 422)
-    except InputError as error:
-        return _json({"error": refusal(error)}, 400)
+def _told(answered: Answered) -> Response:
+    content, status = answered
     if isinstance(content, bytes):
         return Response(content, media_type="application/octet-stream")
-    return _json(content)
+    return _json(content, status)
 
 
-def _events(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
+def _events(office: Future[Answering]) -> Callable[[Request], Awaitable[Response]]:
     async def events(_: Request) -> Response:
-        return StreamingResponse(_stream(desk), media_type="application/x-ndjson")
+        stream = _stream(await asyncio.wrap_future(office))
+        return StreamingResponse(stream, media_type="application/x-ndjson")
 
     return events
 
 
-async def _stream(desk: Desk) -> AsyncIterator[bytes]:
+async def _stream(office: Answering) -> AsyncIterator[bytes]:
     """Events as lines, from now on, and a sign of life where nothing happens."""
-    with desk.listening(asyncio.get_running_loop()) as queue:
+    with office.listening(asyncio.get_running_loop()) as queue:
         yield _line({"kind": "hello"})
         while True:
             try:
@@ -304,25 +329,28 @@ _PAGE = """<!doctype html>
 """
 
 
-def serve(desk: Desk, page: str, port: int, announce: Callable[[str, Path], None]) -> None:
+def serve(
+    office: Future[Answering], page: str, port: int, announce: Callable[[str, Path], None]
+) -> None:
     """Serve until interrupted.
 
     Parameters
     ----------
-    desk : Desk
+    office : Future of Answering
+        Pages do not wait for it, requests for data do.
     page : str
         Path of the page that is opened first.
     port : int
         0 for a free one.
     announce : callable
-        Called with the address and the redirect file when requests are answered.
+        Called with the address and the redirect file when pages are answered.
     """
     token = secrets.token_hex(_TOKEN_BYTES)
     with _listening(port) as listener:
         number = listener.getsockname()[1]
         address = f"http://{HOST}:{number}{page}"
         config = uvicorn.Config(
-            application(desk, number, token),
+            application(office, number, token),
             log_config=None,
             access_log=False,
             lifespan="off",
@@ -333,9 +361,25 @@ def serve(desk: Desk, page: str, port: int, announce: Callable[[str, Path], None
         )
         with _redirect(address, token) as file:
             try:
-                _Server(config, lambda: announce(address, file), desk).run(sockets=[listener])
+                _Server(config, lambda: announce(address, file), office).run(sockets=[listener])
             finally:
-                desk.close()
+                if office.done():
+                    office.result().close()
+
+
+def begun(opened: Callable[[], Answering]) -> Future[Answering]:
+    """Who answers, from a function that is called in a thread of its own."""
+    office: Future[Answering] = Future()
+    office.set_running_or_notify_cancel()  # a request that is given up takes nothing back
+
+    def opening() -> None:
+        try:
+            office.set_result(opened())
+        except BaseException as error:  # noqa: BLE001 - it belongs to whoever waits for the result
+            office.set_exception(error)
+
+    threading.Thread(target=opening, name="opening", daemon=True).start()
+    return office
 
 
 def open_browser(file: Path) -> None:
@@ -346,17 +390,24 @@ def open_browser(file: Path) -> None:
 class _Server(uvicorn.Server):
     """A server that says when it is ready, and ends its streams before it waits for their end."""
 
-    def __init__(self, config: uvicorn.Config, ready: Callable[[], None], desk: Desk) -> None:
+    def __init__(
+        self, config: uvicorn.Config, ready: Callable[[], None], office: Future[Answering]
+    ) -> None:
         super().__init__(config)
-        self._ready, self._desk = ready, desk
+        self._ready, self._office = ready, office
+        office.add_done_callback(self._opened)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
         self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._desk.tell(None)
+        if self._office.done() and not self._office.exception():
+            self._office.result().tell(None)
         await super().shutdown(sockets)
+
+    def _opened(self, office: Future[Answering]) -> None:
+        self.should_exit |= office.exception() is not None
 
 
 @contextmanager

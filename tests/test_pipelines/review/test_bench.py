@@ -373,7 +373,7 @@ def test_results_of_earlier_versions_are_shown_and_not_edited(folder):
 
 
 def test_the_command_without_its_libraries(ringmodal, folder, monkeypatch):
-    monkeypatch.setattr("pipelines.cli.refit.find_spec", lambda name: None)
+    monkeypatch.setattr("pipelines.cli.review.find_spec", lambda name: None)
     code, _, error = ringmodal("review", folder)
     assert code == 2
     assert "pip install" in error and "starlette" in error

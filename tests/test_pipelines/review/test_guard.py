@@ -1,15 +1,18 @@
 """Attacks on the server: none gets data or changes anything."""
 
 import json
+import re
+from concurrent.futures import Future
 from dataclasses import replace
 
 import pytest
-from reviewing import ORIGIN, PORT, Page, copied, review
+from reviewing import ORIGIN, PORT, TOKEN, Page, copied, review
+from starlette.testclient import TestClient
 
 from pipelines.report.write import save
 from pipelines.results.store import load
 from pipelines.review.bench import Desk
-from pipelines.review.server import MOST_BYTES
+from pipelines.review.server import MOST_BYTES, application
 
 ASIDE = {"kind": "set_aside", "pole": {"frequency_hz": 100.3}}
 EDIT = {"revision": 0, "edit": ASIDE}
@@ -180,3 +183,13 @@ def test_the_page_may_be_called_localhost(server):
     page = Page(*server, Origin=local)
     page.client.base_url = local
     assert page.get("state").status_code == 200
+
+
+@pytest.mark.parametrize("place", ["/", "/r/any", "/compare", "/w/any"])
+def test_pages_do_not_wait_for_who_answers_and_name_all_their_modules(place):
+    client = TestClient(application(Future(), PORT, TOKEN), base_url=ORIGIN)
+    names = set(re.findall(r"/static/(\w+\.js)", client.get(place).text))
+    scripts = {name: client.get(f"/static/{name}").text for name in names}
+    imported = {name for text in scripts.values() for name in re.findall(r'"\./(\w+\.js)"', text)}
+    assert imported
+    assert imported <= names
