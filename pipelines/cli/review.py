@@ -64,9 +64,10 @@ def review(
         if not no_open:
             open_browser(file)
 
+    page = _page(place, name)  # two threads that load the same modules meet half of them
     office = begun(lambda: _opened(place, name))
     with suppress(Interrupted):  # the usual end; every edit is in a draft already
-        serve(office, _page(place, name), port, announce)
+        serve(office, page, port, announce)
     if not office.done() or office.result().is_busy:
         sys.stdout.flush()
         os._exit(0)  # an interpreter that ends under a thread in compiled code is aborted
