@@ -8,6 +8,14 @@ export const TOPICS = ["state", "mode", "row", "zoom", "tab", "hover", "pick", "
 
 const PROGRESS = { preview: 1, final: 2, failed: 2 };
 
+/** Whether a panel has to be drawn; plain objects of a state are compared by their content. */
+function hasChanged(panel) {
+  if (!panel.of) return true;
+  const now = panel.of(), before = panel.drawn;
+  panel.drawn = now;
+  return now.length !== before.length || now.some((each, k) => each !== before[k]);
+}
+
 export class Bench {
   constructor(id) {
     this.id = id;
@@ -23,9 +31,10 @@ export class Bench {
     this.pending = null; // what is said when its numbers are known
   }
 
-  watch(topics, draw) {
+  /** Call `draw` when one of the topics is told, and what it draws (`of`, a list) is no longer the same. */
+  watch(topics, draw, of = null) {
     for (const topic of topics) if (!TOPICS.includes(topic)) throw new Error(`unknown topic ${topic}`);
-    this.panels.push({ topics, draw });
+    this.panels.push({ topics, draw, of, drawn: [] });
   }
 
   tell(...topics) {
@@ -37,7 +46,7 @@ export class Bench {
     const { told } = this;
     this.told = new Set();
     if (!this.state) return;
-    for (const { topics, draw } of this.panels) if (topics.some((topic) => told.has(topic))) draw();
+    for (const panel of this.panels) if (panel.topics.some((topic) => told.has(topic)) && hasChanged(panel)) panel.draw();
   }
 
   /** Change the view and tell who watches it. */

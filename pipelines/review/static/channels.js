@@ -58,6 +58,7 @@ export function mount(host, bench) {
     common = sharedStart(runs.map(stem));
     const runOut = el("select", { className: "small", "aria-label": "Leave out a whole run", "data-focus": "run out", onchange: () => {
       if (runOut.value) bench.edit({ kind: "run_out", run: runOut.value });
+      runOut.value = "";
     } }, el("option", { value: "" }, "run"), runs.map((run) => el("option", { value: run }, stem(run))));
     refill(bar, el("h2", {}, `Channels ${channels.length - out}${out ? `/${channels.length}` : ""}`), el("span", { className: "grow" }),
       runs.length > 1 ? runOut : null,
@@ -70,5 +71,5 @@ export function mount(host, bench) {
     follow(list, ".chosen", bench.view.row);
   }
 
-  bench.watch(["state", "row"], draw);
+  bench.watch(["state", "row"], draw, () => [bench.view.row, JSON.stringify(bench.around.map((channel) => [channel.row, channel.why, verdict(channel)]))]);
 }

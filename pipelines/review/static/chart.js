@@ -40,7 +40,7 @@ export class Chart {
    */
   constructor(host, { label, compose, onHover, onClick, onZoom, equal = false }) {
     const axis = { label: "", min: 0, max: 1 };
-    Object.assign(this, { host, compose, equal, onHover, onClick, onZoom, drag: null, x: axis, y: { ...axis } });
+    Object.assign(this, { host, compose, equal, onHover, onClick, onZoom, drag: null, x: axis, y: { ...axis }, width: 0, height: 0 });
     this.canvas = el("canvas", { role: "img", "aria-label": label });
     this.tip = el("div", { className: "tip", hidden: true, "aria-hidden": "true" });
     host.classList.add("chart");
@@ -52,8 +52,6 @@ export class Chart {
     onScheme(again);
   }
 
-  get width() { return this.host.clientWidth; }
-  get height() { return this.host.clientHeight; }
   get inner() {
     return { left: LEFT, top: TOP, width: Math.max(1, this.width - LEFT - RIGHT), height: Math.max(1, this.height - TOP - (this.x.label ? BOTTOM : BOTTOM_BARE)) };
   }
@@ -86,7 +84,8 @@ export class Chart {
   }
 
   paint() {
-    const { width, height, pen, canvas } = this, sharp = window.devicePixelRatio || 1;
+    const { host: { clientWidth: width, clientHeight: height }, pen, canvas } = this, sharp = window.devicePixelRatio || 1;
+    Object.assign(this, { width, height }); // asking the page for every point would take longer than drawing
     if (!width || !height) return;
     if (canvas.width !== Math.round(width * sharp) || canvas.height !== Math.round(height * sharp)) {
       canvas.width = Math.round(width * sharp);

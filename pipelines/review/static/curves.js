@@ -214,6 +214,9 @@ export function mount(host, bench) {
   bench.watch(["state", "row", "tab", "mode", "zoom", "frf", "fit", "indicator", "diagram", "orders", "force"], () => {
     main.draw();
     rest.draw();
+  }, () => {
+    const { data: { frf, fit, diagram, orders, force }, view: { row, tab, mode, zoom: range, indicator } } = bench;
+    return [frf, fit, diagram, orders, force, row, tab, mode, range, indicator, bench.state.band_hz.join(), lower.hidden];
   });
 }
 

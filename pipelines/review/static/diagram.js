@@ -225,6 +225,9 @@ export function mount(host, bench) {
     find("#pick").setAttribute("aria-pressed", String(bench.view.pick !== null));
     find("#to-mode").firstChild.textContent = bench.view.zoom ? "Full band " : "Zoom ";
     chart.draw();
+  }, () => {
+    const { data: { diagram, orders }, view: { zoom, hover: held, pick: picked, indicator: which, show } } = bench;
+    return [diagram, orders, zoom, held, picked, which, show, bench.view.mode, JSON.stringify(bench.modes), bench.state.band_hz.join()];
   });
 }
 

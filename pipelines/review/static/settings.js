@@ -54,5 +54,5 @@ export function mount(host, bench) {
       drift && drift !== "none" && el("p", { className: "soft" }, `Drift: ${drift}`));
   }
 
-  bench.watch(["state", "zoom"], draw);
+  bench.watch(["state", "zoom"], draw, () => [bench.state.revision, bench.state.drift, bench.view.zoom]);
 }

@@ -106,7 +106,7 @@ export function mountShape(host, bench) {
     show();
   }
 
-  bench.watch(["mode", "shapes", "state"], draw);
+  bench.watch(["mode", "shapes", "state"], draw, () => [bench.data.shapes, JSON.stringify(bench.mode)]);
   onScheme(show);
   return animate;
 }
@@ -151,7 +151,7 @@ export function mountMac(host, bench) {
     const mode = keys[Math.floor((event.offsetX / canvas.clientWidth) * keys.length)];
     if (mode) bench.look({ mode });
   });
-  bench.watch(["mode", "shapes"], draw);
+  bench.watch(["mode", "shapes"], draw, () => [bench.data.shapes, bench.view.mode]);
   onScheme(draw);
   new ResizeObserver(draw).observe(canvas);
 }

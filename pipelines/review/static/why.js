@@ -11,10 +11,11 @@ export function mount(host, bench) {
   async function read() {
     const { mode } = bench;
     const now = mode ? `${mode.key} ${bench.state.revision} ${bench.state.stage}` : "";
-    if (now === wanted) return;
+    const isSame = now === wanted;
     wanted = now;
-    evidence = cost = null;
+    if (!isSame) evidence = cost = null;
     draw();
+    if (isSame) return;
     if (!mode || bench.state.stage === "fitting") return;
     try {
       const found = await get(`${bench.path}/why?key=${encodeURIComponent(mode.key)}`);
@@ -81,6 +82,5 @@ export function mount(host, bench) {
   }
 
   bench.watch(["mode", "state"], read);
-  bench.watch(["mode", "state"], draw);
   return tryOut;
 }
