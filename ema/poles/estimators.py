@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
 from ema.core.errors import FitError, require_type
@@ -345,8 +346,5 @@ def stretched(
 
     A factor may be given for each line.
     """
-    # Slow to load, and needed only where a tyre drifts.
-    from scipy.interpolate import CubicSpline
-
     within = np.clip(frequency_hz * factor, frequency_hz[0], frequency_hz[-1])
     return np.asarray(CubicSpline(frequency_hz, values, axis=1)(within))

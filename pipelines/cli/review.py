@@ -64,9 +64,10 @@ def review(
         if not no_open:
             open_browser(file)
 
-    page = _page(place, name)  # two threads that load the same modules meet half of them
     office = begun(lambda: _opened(place, name))
     with suppress(Interrupted):  # the usual end; every edit is in a draft already
+        # Of a result the page is known before the rest is loaded.
+        page = f"/r/{name}" if (place / MARKER).is_file() else office.result().page(name)
         serve(office, page, port, announce)
     if not office.done() or office.result().is_busy:
         sys.stdout.flush()
@@ -77,22 +78,7 @@ def _opened(place: Path, name: str) -> Office:
     gc.disable()  # nothing that is loaded is garbage
     # Not above: it takes as long as the browser and the page need to come.
     from pipelines.review.answers import Office
-    from pipelines.review.bench import Desk
 
     gc.freeze()
     gc.enable()
-    is_result = (place / MARKER).is_file()
-    desk = Desk(place.parent if is_result else place, {name: place})
-    if is_result:
-        with suppress(InputError):  # the page learns of it
-            desk.bench(name)
-    return Office(desk)
-
-
-def _page(place: Path, name: str) -> str:
-    if (place / MARKER).is_file():
-        return f"/r/{name}"
-    # Not above: a result can do without it.
-    from pipelines.review.folder import is_at_rig
-
-    return f"/w/{name}" if is_at_rig(place) else "/"
+    return Office.opened(place, name)

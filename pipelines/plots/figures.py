@@ -26,6 +26,7 @@ from pipelines.plots.chart import Chart
 from pipelines.plots.draw import PAPER, STYLE, draw
 from pipelines.plots.draw import png as png
 from pipelines.plots.draw import styled_figure as styled_figure
+from pipelines.plots.draw import write_figure as write_figure
 from pipelines.plots.modes import shapes_plot, stability_chart
 from pipelines.plots.plot import Margins as Margins
 from pipelines.plots.plot import Plot

@@ -211,8 +211,7 @@ def write_figures(
     for path in paths:
         require_free_file(path, force=force)
     # Loads matplotlib, which the page does without; the checks come first.
-    from pipelines.plots.draw import write_figure
-    from pipelines.plots.figures import write_shape_gif
+    from pipelines.plots.figures import write_figure, write_shape_gif
 
     for figure in figures:
         drawn = figure.draw()

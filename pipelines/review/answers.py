@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from asyncio import AbstractEventLoop, Queue
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
@@ -23,9 +23,10 @@ from pipelines.results.result import Result
 from pipelines.review import curves
 from pipelines.review.bench import Bench, Desk, Event, StaleError
 from pipelines.review.curves import evidence
-from pipelines.review.folder import compared, frf_blob, require_few
+from pipelines.review.folder import compared, frf_blob, is_at_rig, require_few
 from pipelines.review.sight import ModeRow, Sight, edit_text, refusal
 from pipelines.review.worker import recordings_of, replayed
+from pipelines.storage.atomic import MARKER
 
 _FAR_SIGMA = 3.0  # a change that is worth a warning
 _WORSE = 1.05  # ratio of the reduced χ² above which a fit got worse
@@ -164,6 +165,25 @@ class Office:
     """A desk that answers, whatever goes wrong: what the server wants of it."""
 
     desk: Desk
+
+    @classmethod
+    def opened(cls, place: Path, name: str) -> Office:
+        """With a result, a campaign or a folder of them, which has a name in addresses."""
+        is_result = (place / MARKER).is_file()
+        desk = Desk(place.parent if is_result else place, {name: place})
+        if is_result:
+            with suppress(InputError):  # the page learns of it
+                desk.bench(name)
+        return cls(desk)
+
+    def page(self, name: str) -> str:
+        """Path of the page to begin with, for a folder that has a name."""
+        place = self.desk.place(name)
+        if place is None:
+            return "/"
+        if (place / MARKER).is_file():
+            return f"/r/{name}"
+        return f"/w/{name}" if is_at_rig(place) else "/"
 
     def read(self, place: Sequence[str], query: Mapping[str, str]) -> tuple[Answer, int]:
         """Answer to a request that changes nothing, with its status."""

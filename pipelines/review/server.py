@@ -56,6 +56,9 @@ Answered = tuple[Mapping[str, Any] | bytes, int]  # JSON or arrays, and the stat
 class Answering(Protocol):
     """Who answers. It takes as long to load as the pages do, and they do not wait for it."""
 
+    def page(self, name: str) -> str:
+        """Path of the page to begin with, for a folder that has a name."""
+
     def read(self, place: list[str], query: Mapping[str, str]) -> Answered:
         """Answer to a request that changes nothing, by the parts of its path below ``/api``."""
 
