@@ -48,8 +48,6 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Message, Receive, Send], Awaitable[None]]
 Event = Mapping[str, Any] | None  # None ends a stream
-
-
 Answered = tuple[Mapping[str, Any] | bytes, int]  # JSON or arrays, and the status
 
 
@@ -252,7 +250,7 @@ def _static(files: Mapping[str, bytes]) -> Callable[[Request], Awaitable[Respons
         """One of the files of the pages; a name that is none of them leads nowhere."""
         wanted = request.path_params["name"]
         if wanted not in files or wanted.endswith(".html"):
-            error = {"where": wanted, "found": "not found", "rule": "", "remedy": ""}
+            error = {"where": "page", "found": "not found", "rule": "", "remedy": ""}
             return _json({"error": error}, 404)
         return Response(files[wanted], media_type=_KINDS[Path(wanted).suffix])
 
