@@ -285,9 +285,12 @@ class ModalModel(ReadonlyArrays):
         return np.array([mode.damping_ratio for mode in self.modes])
 
     def synthesise(
-        self, frequency_hz: NDArray[np.float64], run: Sequence[str] | None = None
+        self,
+        frequency_hz: NDArray[np.float64],
+        run: Sequence[str] | None = None,
+        rows: slice = slice(None),
     ) -> NDArray[np.complex128]:
-        """Inertances of all positions, (n_positions, n_frequencies).
+        """Inertances of all positions, or of some, (n_positions, n_frequencies).
 
         Parameters
         ----------
@@ -295,15 +298,18 @@ class ModalModel(ReadonlyArrays):
         run : sequence of str, optional
             Run of each position, to see each as it was measured: in the state of its run, with
             the window of the analyser. Without it, all in the state of the first run.
+        rows : slice, optional
+            Positions that are wanted.
         """
         poles, residues = self.poles_and_residues(as_measured=run is not None)
-        names = np.array(list(run or [""] * len(residues)))
+        names = np.array(list(run or [""] * len(residues)))[rows]
+        lower, upper = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
+        residues = residues[rows]
         values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
         for name in np.unique(names):
-            rows = names == name
-            terms = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
-            own = self.drift.poles_in(str(name), poles)
-            values[rows] = synthesise(frequency_hz, own, residues[rows], *terms)
+            own = names == name
+            seen = self.drift.poles_in(str(name), poles)
+            values[own] = synthesise(frequency_hz, seen, residues[own], lower[own], upper[own])
         return values
 
     def poles_and_residues(

@@ -146,7 +146,7 @@ def fitted_curves(
     shown = in_band(frf.frequency_hz, shown_band_hz(model))
     fitted_hz = frf.frequency_hz[inside]
     return {
-        "fitted": (fitted_hz, np.asarray(model.synthesise(fitted_hz, frf.run)[row])),
+        "fitted": (fitted_hz, model.synthesise(fitted_hz, frf.run, slice(row, row + 1))[0]),
         "measured": (frf.frequency_hz[shown], frf.values[row, shown]),
     }
 

@@ -63,7 +63,7 @@ def fit_blob(sight: Sight, row: int) -> bytes:
     place, model, frf = int(at[0]), sight.model, sight.frf
     lines = in_band(frf.frequency_hz, model.fit_band_hz)
     frequency_hz = frf.frequency_hz[lines]
-    fitted = model.synthesise(frequency_hz, run=frf.run)[place]
+    fitted = model.synthesise(frequency_hz, frf.run, slice(place, place + 1))[0]
     left = np.abs(frf.values[place, lines] - fitted) / (np.sqrt(2) * frf.std[place, lines])
     arrays = {"frequency_hz": frequency_hz, "real": fitted.real, "imag": fitted.imag}
     return blob({**header, "frac": float(model.frac[place])}, {**arrays, "residual_sigma": left})
