@@ -371,7 +371,7 @@ def _with_pairs(bases: Sequence[Basis]) -> list[EditedFit]:
     """Fits with the pairs that all forces show, or with those of one by itself."""
     if len(bases) == 1:
         return [bases[0].fit]
-    return [EditedFit(curve) for curve in joint_curves([each.fit.curve for each in bases])[0]]
+    return [EditedFit(curve) for curve in joint_curves([each.fit.curve for each in bases])]
 
 
 @one_blas_thread

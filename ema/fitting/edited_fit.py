@@ -190,7 +190,7 @@ def edited_jointly(
         ]
     if joint is None and (found.is_anew or found.two):
         two = {order.order for order in main.curve.ring if order.key in found.two}
-        curves = joint_curves(curves, two)[0] if of_ring else curves
+        curves = joint_curves(curves, two) if of_ring else curves
         curves = [_without_partners(curve, edits) for curve in curves]
         after = [_with_orders(*each) for each in zip(curves, meant, alike, strict=True)]
     is_preview = found.is_anew and live and joint is None

@@ -10,7 +10,7 @@ import numpy as np
 
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
-from ema.fitting.joint_pair import SAME_STATE, UNKNOWN_STATE, ForceState, JointFit, JointProblem
+from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
 from ema.fitting.run_states import drift_beside_pairs, in_states
@@ -19,6 +19,11 @@ from ema.fitting.variable_projection import Complex, Real
 
 # Orders change alike from force to force to these shares of frequency and decay.
 _UNEVEN = np.array([2e-5, 1e-3])
+# What is known of the state at another force (1 σ): a tyre warms up a little between runs, not in
+# one run with several forces.
+_STATE_STD, _SAME = np.array([0.003, 0.02]), np.array([1e-7, 1e-6])
+# Least share of what is known of a force with an order that the order is taken to tell.
+_TELLS_NOTHING = 1e-6
 # A member with less than this share of the other's residue is not driven.
 _NOT_DRIVEN = 1e-6
 # What one force sees of a pair tells what lies across the force where the members are apart by so
@@ -31,9 +36,7 @@ _BOTH = [0, 1]  # members
 
 
 @one_blas_thread
-def joint_curves(
-    curves: Sequence[CurveFit], two: Collection[int] = ()
-) -> tuple[list[CurveFit], tuple[ForceState, ...]]:
+def joint_curves(curves: Sequence[CurveFit], two: Collection[int] = ()) -> list[CurveFit]:
     """Fits of one ring against each of several forces, with the pairs that all of them show.
 
     What one pole for each order leaves of a pair looks like a drift of the runs: their states are
@@ -48,7 +51,7 @@ def joint_curves(
         if joint.is_as(before):
             break
     joint.search(is_last=True)
-    return [joint.with_ring(k, two) for k in range(len(curves))], joint.states
+    return [joint.with_ring(k, two) for k in range(len(curves))]
 
 
 class _JointSearch:
@@ -67,11 +70,8 @@ class _JointSearch:
         ]
         shared = set(by_order[0]).intersection(*by_order[1:])
         self.alone = {order: [each[order] for each in by_order] for order in sorted(shared)}
-        self.states: tuple[ForceState, ...] = (SAME_STATE,) * len(curves)
-        self.joint, self.parameters = self.alone, dict[int, Real]()
-        if before is not None:
-            self.states, self.joint = before.states, before.joint
-            self.parameters = before.parameters
+        self.joint: dict[int, list[RingOrder]] = self.alone if before is None else before.joint
+        self.fits: dict[int, JointFit] = {} if before is None else before.fits
         for force, search in enumerate(self.searches):
             search.resolve(self._of_force(force))
         self.seen = {
@@ -91,15 +91,43 @@ class _JointSearch:
         )
 
     def search(self, *, is_last: bool = False) -> None:
-        """Fit all orders; states of the forces stay in the last search, which gives verdicts."""
-        unknown = (SAME_STATE, *[UNKNOWN_STATE] * (len(self.curves) - 1))
-        states = self.states if is_last else unknown
-        tried = {order: self._fitted(order, states, is_last) for order in self.alone}
+        """Fit all orders, at last with what the others tell of the forces, and to verdicts."""
+        states = {order: self._states(order, known=is_last) for order in self.alone}
+        tried = {order: self._fitted(order, states[order], is_last) for order in self.alone}
         fits = {order: found for order, found in tried.items() if found is not None}
         self.joint = {order: orders for order, (_, orders) in fits.items()}
-        self.parameters = {order: fit.parameters for order, (fit, _) in fits.items()}
-        if fits and not is_last:
-            self.states = (SAME_STATE, *_states([fit for fit, _ in fits.values()]))
+        self.fits = {order: fit for order, (fit, _) in fits.items()}
+
+    def _states(self, order: int, *, known: bool) -> list[ForceState]:
+        """What is known of each force for one order: beforehand, or with what the others tell."""
+        others = [n for n in self.fits if n != order and n in self.seen] if known else []
+        states = []
+        for force, search in enumerate(self.searches):
+            std, uneven = self._beforehand(order, force)
+            expected = np.zeros(std.size)
+            if others and search.force_deg is not None:
+                wave = np.array([(n, 1, 1) for n in others])
+                fits = [self.fits[n] for n in others]
+                found = np.array([fit.of_forces[force] for fit in fits]) / wave
+                found_std = np.array([fit.of_forces_std[force] for fit in fits]) / wave
+                before = np.array([self._beforehand(n, force) for n in others])
+                expected, std = _pooled(found, found_std, before[:, 0], before[:, 1], std)
+            wave = np.array([order, 1, 1])
+            states.append(ForceState(wave * expected, wave * np.hypot(std, uneven)))
+        return states
+
+    def _beforehand(self, order: int, force: int) -> tuple[Real, Real]:
+        """σ of the place of a force and of the state there: of all orders, and of one alone.
+
+        The place in radians around the ring.
+        """
+        known = self.seen[order][force].known
+        place = np.sqrt(max(known.force_std_rad**2 - known.drive_std**2, 0.0)) / order
+        own, first = self.curves[force].frf, self.curves[0].frf
+        # Rows of a file with FRFs have one name, whenever they were measured.
+        at_once = own.blocks is not None and own.run_names == first.run_names
+        state, uneven = (_STATE_STD, _UNEVEN) if force and not at_once else (_SAME, np.zeros(2))
+        return np.append(place, state), np.append(known.drive_std / order, uneven)
 
     def with_ring(self, force: int, two: Collection[int] = ()) -> CurveFit:
         """The fit of a force with the orders that both members are determined of, or wanted."""
@@ -146,7 +174,7 @@ class _JointSearch:
                 problems.append(JointProblem(whole, turned, states))
         if not problems:
             return None
-        near = self.parameters.get(order)
+        near = self.fits[order].parameters if order in self.fits else None
         if is_last:
             fit = problems[0].solve(problems[1] if len(problems) > 1 else None, near)
         else:
@@ -239,14 +267,16 @@ def _common_start(starts: Sequence[complex]) -> complex:
     return complex(np.mean([pole for pole in starts if abs(pole - narrow) < -narrow.real]))
 
 
-def _states(fits: Sequence[JointFit]) -> list[ForceState]:
-    """States of the forces but the first, as all orders together show them."""
-    states = []
-    for force in range(1, len(fits[0].pairs)):
-        shift = np.array([fit.shift[force] for fit in fits])
-        weight = 1 / (np.array([fit.shift_std[force] for fit in fits]) ** 2 + _UNEVEN**2)
-        mean = np.sum(weight * shift, axis=0) / np.sum(weight, axis=0)
-        scatter = np.sum(weight * (shift - mean) ** 2, axis=0) / max(len(fits) - 1, 1)
-        std = np.sqrt(np.maximum(scatter, 1.0) / np.sum(weight, axis=0))
-        states.append(ForceState(*mean.tolist(), *std.tolist()))
-    return states
+def _pooled(
+    found: Real, std: Real, beforehand: Real, uneven: Real, known: Real
+) -> tuple[Real, Real]:
+    """Common value of what orders found, each from what was known beforehand, and its σ.
+
+    What was `known` counts once, and each order strays by `uneven`.
+    """
+    told = np.maximum(std**-2 - 1 / (beforehand**2 + uneven**2), _TELLS_NOTHING * std**-2)
+    values, weight = found / std**2 / told, 1 / (1 / told + uneven**2)
+    mean = np.sum(weight * values, axis=0) / np.sum(weight, axis=0)
+    scatter = np.sum(weight * (values - mean) ** 2, axis=0) / max(len(found) - 1, 1)
+    seen = np.sum(weight, axis=0) / np.maximum(scatter, 1.0)
+    return mean * seen / (seen + known**-2), 1 / np.sqrt(seen + known**-2)

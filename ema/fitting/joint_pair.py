@@ -34,19 +34,18 @@ _MIXING = 4
 _EVALUATIONS = 40
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ForceState:
-    """What the ring's state has changed since the first force: relative, with its σ."""
+    """What is known of a force beside its stated direction and the ring's state at the first one.
 
-    frequency: float
-    decay: float
-    frequency_std: float
-    decay_std: float
+    Parameters
+    ----------
+    expected, std : ndarray, shape (3,)
+        Direction in radians of the wave, frequency and decay, relative, with their 1 σ.
+    """
 
-
-#: Nothing known but that a tyre warms up a little.
-UNKNOWN_STATE = ForceState(0.0, 0.0, 0.003, 0.02)
-SAME_STATE = ForceState(0.0, 0.0, 1e-7, 1e-6)
+    expected: Real
+    std: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +57,15 @@ class JointFit:
     pairs : tuple of PairFit
         As each force's FRFs show it: poles in its own state, and its own residues, both in the axes
         of the first force. Numbers and covariance of the members are those of all forces.
-    shift : ndarray, shape (n_forces, 2)
-        Relative change of frequency and decay since the first force.
-    shift_std : ndarray, shape (n_forces, 2)
+    of_forces, of_forces_std : ndarray, shape (n_forces, 3)
+        As in `ForceState`, and what is known of them with this order.
     parameters : ndarray
         Of `JointProblem`.
     """
 
     pairs: tuple[PairFit, ...]
-    shift: Real
-    shift_std: Real
+    of_forces: Real
+    of_forces_std: Real
     parameters: Real
 
 
@@ -103,12 +101,9 @@ class JointProblem:
         self.sizes = np.concatenate(
             [first.sizes[:_SHARED], *([[0.02, 1e-4, 1e-3]] * len(problems))]
         )
-        spread = [np.inf, np.inf, *first.priors[:4]]
-        for k, (problem, state) in enumerate(zip(problems, states, strict=True)):
-            own = self._own(k)
-            self.expected[own] = 0.0, state.frequency, state.decay
-            spread += [problem.priors[4], state.frequency_std, state.decay_std]
-        self.spread = np.array(spread)
+        self.expected[_SHARED:] = np.concatenate([state.expected for state in states])
+        of_forces = [state.std for state in states]
+        self.spread = np.concatenate([[np.inf, np.inf], first.priors[:4], *of_forces])
         none, every = np.zeros(self.expected.size), np.eye(self.expected.size)
         #: Slopes of a force's parameters to those searched.
         self.to_force = [
@@ -295,9 +290,10 @@ class JointProblem:
             replace(self._of_force(x, covariance, k, complex(mixed[k])), gain=gain)
             for k in range(len(self.problems))
         )
-        own = x[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
-        std = np.sqrt(np.diag(covariance))[_SHARED:].reshape(-1, _OF_FORCE)[:, 1:]
-        return JointFit(pairs, own - own[0], std, x)
+        of_forces, std = (
+            each[_SHARED:].reshape(-1, _OF_FORCE) for each in (x, np.sqrt(np.diag(covariance)))
+        )
+        return JointFit(pairs, of_forces, std, x)
 
     def covariance(self, x: Real) -> Real:
         """Covariance of the parameters at a minimum."""

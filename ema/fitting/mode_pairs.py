@@ -24,6 +24,7 @@ from ema.fitting.order_pair import (
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
 from ema.fitting.ring_pair import Known, PairFit
 from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.wave_mixing import SHARED, WaveMixing
 from ema.signals.leakage import has_leakage, leakage_bias
 
 # The place of the force is known to this many degrees of angle around the tyre (1 σ); where the
@@ -31,13 +32,8 @@ from ema.signals.leakage import has_leakage, leakage_bias
 _FORCE_STD_DEG = 0.5
 # … and not known at all where most orders point elsewhere by more than this, in rad.
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
-# Orders up to this many above an order show how far its shape strays from its waves; an RMS is that
-# many medians. Something strays always.
-_NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
 # Sensors mix of one order into another so many times what is the median of all.
 _MIXED = 3.0
-# Poles closer than this many half-widths of the broader one share a resonance.
-_SHARED = 1.5
 # Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
 # at most so many, until poles move by less than this share of their standard deviation.
 _ROUNDS, _SETTLED = 15, 0.2
@@ -94,7 +90,7 @@ class RingOrder:
         if self.is_main or self.pair is None or main.pair is None or main.order != self.order:
             return False
         poles = np.array([self.pair.mean, main.pair.mean])
-        near = abs(poles[1] - poles[0]) < _SHARED * np.max(-poles.real)
+        near = abs(poles[1] - poles[0]) < SHARED * np.max(-poles.real)
         return bool(near) and main.is_main and main.shows_two(settings)
 
     @property
@@ -159,6 +155,8 @@ class PairSearch:
         self.decomposition = OrderDecomposition(frf)
         ring = family(modes)
         self.main = _inside(ring.items(), modes, band_hz)
+        inside = {k for _, found in self.main for k in found}
+        self.guards = [k for n, found in ring.items() for k in found if n and k not in inside]
         own = {k for found in ring.values() for k in found}
         others = further_resonances(with_aliases(modes, frf.position_deg), own)
         self.orders = self.main + _inside(others, modes, band_hz)
@@ -226,6 +224,16 @@ class PairSearch:
                     moved = _alone(lines.frequency_hz, wanted, shapes[rows])
                     moved -= _alone(lines.frequency_hz, here, shapes[rows])
                     self.whole[rows] += sign * moved
+        self.mixing = WaveMixing(
+            fit,
+            self.middle.poles,
+            self.frf.std[:, self.lines],
+            self.decomposition,
+            self.orders,
+            [(each.members, each.poles) for each in orders if each.jointly and each.pair],
+            self.correlation,
+            self.settings,
+        )
         self.mixed = self._mixed()
 
     def _mixed(self) -> Real:
@@ -234,12 +242,15 @@ class PairSearch:
         Of a pole that is of no order of the ring it may hold as much as there is. Those in the
         place of modes above the lines are of orders above.
         """
-        strays = {n: self.stray(n, found)[0] for n, found in self.orders}
+        strays = {n: self.mixing.stray(n, found)[0] for n, found in self.orders}
         share = np.ones(self.fit.poles.size)
         for n, found in self.orders:
             share[found] = _MIXED * strays[n]
         if strays:
-            share[-N_STAND_INS:] = _MIXED * np.median(list(strays.values()))
+            beyond = self.guards if self.mixing.beside else []
+            share[[*beyond, *range(share.size - N_STAND_INS, share.size)]] = _MIXED * np.median(
+                list(strays.values())
+            )
         return np.asarray(share * _sizes(self.middle))
 
     def _held(self, order: int, found: Sequence[int]) -> tuple[list[complex], list[float]]:
@@ -309,7 +320,7 @@ class PairSearch:
             radians = order * np.pi / 180
             force_rad, spread = self.force_deg * radians, _FORCE_STD_DEG * radians
         seen = self.decomposition.order(order, self.lines, self.whole).seen_from(force_rad)
-        stray, mixed = self.stray(order, found)
+        stray, mixed = self.mixing.stray(order, found)
         beside, sizes = self._held(order, found)
         known = Known(
             force_std_rad=float(np.hypot(spread, mixed)),
@@ -322,28 +333,6 @@ class PairSearch:
             drive_std=mixed,
         )
         return Seen(seen.frequency_hz, seen.values, seen.std, start, known, force_rad)
-
-    def stray(self, order: int, found: list[int]) -> tuple[float, float]:
-        """Amplitude of an order's shape in one wave of another order, and in all of them.
-
-        Places and gains of the sensors mix all waves alike; an uneven tyre adds a few to each mode,
-        and to what drives it. Less what noise does. Of orders in the same resonance one pole has
-        what those of the other leave of its waves.
-        """
-        near = {*_beside(self.fit.poles, found)}
-        shapes = self.fit.residues[:, found].sum(axis=1)
-        power = np.sum(np.abs(self.decomposition.waves(shapes)) ** 2, axis=1)
-        shared = {order, *(n for n, poles in self.orders if {*poles} & near)}
-        others = [k for k in range(1, power.size) if k not in shared and k <= order + _NEAR]
-        if not others:
-            return self.settings.wave_deviation, 0.0
-        omega = 2 * np.pi * self.frf.frequency_hz[self.lines]
-        alone = omega**2 / np.abs(1j * omega - self.middle.poles[found[0]])
-        known = np.sum((alone / self.frf.std[:, self.lines]) ** 2)
-        noise = 4 * self.correlation / known if np.isfinite(known) else 0.0
-        rest = np.sqrt(np.maximum(power[others] / 2 - noise, 0.0) / power[order])
-        stray = max(_MEDIANS * float(np.median(rest)), _LEAST_STRAY)
-        return stray, float(np.linalg.norm(rest))
 
     def in_first_state(self, pair: PairFit, start: complex) -> PairFit:
         """A pair of the middle state in that of the first run."""
@@ -388,13 +377,6 @@ def _inside(
     """Orders n ≥ 1 whose main mode lies in the band."""
     low, high = band_hz
     return [each for each in orders if each[0] and low <= modes[each[1][0]].frequency_hz <= high]
-
-
-def _beside(poles: Complex, own: Sequence[int]) -> list[int]:
-    """Poles that share the resonance of an order's own."""
-    widest = np.maximum.outer(-poles.real, -poles[own].real)
-    near = np.any(np.abs(poles[:, None] - poles[own]) < _SHARED * widest, axis=1)
-    return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
 
 
 def _direction(amplitude: Complex) -> float:
