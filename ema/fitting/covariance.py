@@ -64,13 +64,18 @@ def std_of_waves(fit: PoleFit) -> Real:
     reach = np.repeat(np.ceil(_RESONANCE * -fit.poles.real / step).astype(int), 2)
     variance = np.zeros(n)
     for score in _scores_of_runs(fit):
-        influence = score @ towards
-        reach = np.clip(reach, 1, len(influence) // _FEWEST_PIECES)
-        for k, line in enumerate(influence.T):
-            variance[k] += line @ line
-            for lag in range(1, reach[k] + 1):
-                variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
+        variance += _variance_of_waves(score @ towards, reach)
     return np.sqrt(np.maximum(variance, 0)).reshape(-1, 2)
+
+
+def _variance_of_waves(influence: Real, reach: NDArray[np.int_]) -> Real:
+    """Variance of sums over lines, (n_lines, n_numbers); lines up to `reach` apart are alike."""
+    n_lines = len(influence)
+    furthest = np.clip(reach, 1, max(n_lines // _FEWEST_PIECES, 1))
+    spectrum = np.fft.rfft(influence, 2 * n_lines, axis=0)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, 2 * n_lines, axis=0)[:n_lines]
+    weight = np.maximum(1 - np.arange(n_lines)[:, None] / (furthest + 1), 0.0)
+    return np.asarray(2 * np.sum(weight * products, axis=0) - products[0])
 
 
 def std_between_runs(fit: PoleFit, correlation: float) -> Real:
@@ -239,12 +244,7 @@ def spread_of(point: JointPoint, correlation: float) -> JointSpread:
     covariance = correlation * influence.T @ influence
     step = float(np.diff(point.problem.forces[0].lines.omega[:2])[0])
     reach = np.repeat(np.ceil(_RESONANCE * -driven.poles.real / step).astype(int), 2)
-    reach = np.clip(reach, 1, max(len(influence) // _FEWEST_PIECES, 1))
-    variance = np.zeros(2 * n)
-    for k, line in enumerate(influence.T):
-        variance[k] = line @ line
-        for lag in range(1, reach[k] + 1):
-            variance[k] += 2 * (1 - lag / (reach[k] + 1)) * (line[lag:] @ line[:-lag])
+    variance = _variance_of_waves(influence, reach)
     of_forces = scores.sum(axis=1) @ towards
     between = np.var(of_forces, axis=0, ddof=1) * len(of_forces)
     of_lines = correlation * np.sum((scores @ towards) ** 2, axis=(0, 1))

@@ -122,11 +122,11 @@ def _mac_to_planes(
     """MAC of other shapes to what the shapes of coinciding poles span, (n_poles, n_others)."""
     width = np.minimum.outer(-poles.real, -poles.real)
     together = np.abs(poles[:, None] - poles) < _TOGETHER * width
+    np.fill_diagonal(together, True)
     power = np.sum(np.abs(others) ** 2, axis=1)
-    found = np.empty((poles.size, len(others)))
-    for k, group in enumerate(together):
-        group[k] = True
-        plane = np.linalg.qr(shapes[group].T)[0]
+    found = mac(shapes, others)
+    for k in np.flatnonzero(np.sum(together, axis=1) > 1):
+        plane = np.linalg.qr(shapes[together[k]].T)[0]
         found[k] = np.sum(np.abs(plane.conj().T @ others.T) ** 2, axis=0) / power
     return found
 
