@@ -20,7 +20,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from ring_bound import ring_bound
 from scipy.linalg import subspace_angles
+from scipy.stats import norm
 
 import ringmodal as rm
 from ema.checks.sensor_mass import sensors_of_runs
@@ -35,6 +37,8 @@ Real = NDArray[np.float64]
 SNR_DB = (40.0, 30.0, 20.0)
 SPLITS = (0.0, 0.001, 0.003, 0.01, 0.03)
 NEAR = 0.1  # of a half-width: closer ones are compared by their plane
+RING_DEG, RING_FORCES_DEG = np.arange(24) * 15.0, (0.0, 13.0)
+WITHIN = np.array([2e-4, 0.01])  # asked for of frequency and damping ratio
 
 
 @dataclass(frozen=True)
@@ -121,20 +125,15 @@ def ring(seed: int, split: float) -> tuple[TruthMode, ...]:
 
 def ring_frfs(modes: tuple[TruthMode, ...], snr_db: float, seed: int) -> tuple[FRF, FRF]:
     """FRFs of 24 sensors against forces at 0° and 13°."""
-    rng, lines_hz, angles = (
-        np.random.default_rng(seed),
-        np.arange(1, 1201) / 4,
-        np.arange(24) * 15.0,
-    )
-    found = []
-    for force_deg in (0.0, 13.0):
-        system = modal_sum(modes, angles, force_deg)
+    rng, lines_hz, found = np.random.default_rng(seed), np.arange(1, 1201) / 4, []
+    for force_deg in RING_FORCES_DEG:
+        system = modal_sum(modes, RING_DEG, force_deg)
         omega = 2 * np.pi * lines_hz
-        exact = np.array([system.inertance(row, omega) for row in range(angles.size)])
+        exact = np.array([system.inertance(row, omega) for row in range(RING_DEG.size)])
         std = np.sqrt(np.mean(np.abs(exact) ** 2)) * 10 ** (-snr_db / 20) / np.sqrt(2)
         noise = std * rng.standard_normal((2, *exact.shape))
         values, known = exact + noise[0] + 1j * noise[1], np.full(exact.shape, std)
-        frf = rm.FRF.from_arrays(lines_hz, values, angles_deg=angles, std=known)
+        frf = rm.FRF.from_arrays(lines_hz, values, angles_deg=RING_DEG, std=known)
         found.append(replace(frf, excitation_deg=force_deg))
     return found[0], found[1]
 
@@ -146,6 +145,7 @@ class Score:
         self.name, self.missed, self.wanted, self.invented = name, 0, 0, 0
         self.errors, self.masses = list[Real](), list[float]()
         self.planes = list[tuple[float, float]]()  # as found, and at best
+        self.bounds = list[Real]()  # of the errors, where known
         self.times = list[float]()
 
     def add(
@@ -156,6 +156,7 @@ class Score:
         shapes: Real,
         mass: Real,
         bound: Callable[[list[int]], float] = lambda group: np.nan,
+        bounds: Real | None = None,
     ) -> None:
         """Compare modes with the truth, each taken once."""
         rest = list(range(len(found)))
@@ -176,6 +177,7 @@ class Score:
                 rest.remove(near)
                 own.append(found[near])
                 self._number(found[near], hz[k], ratio[k])
+                self.bounds += [] if bounds is None else [bounds[k]]
                 if len(group) == 1 and shapes.size and np.isfinite(found[near].modal_mass_kg):
                     mode, size = found[near], np.sum(shapes[k] ** 2)
                     truth = mass[k] * float(mode.shape.real @ shapes[k] / size) ** 2
@@ -193,8 +195,25 @@ class Score:
             np.array([off[0] / hz, off[1] / ratio, off[0] / std[0], off[1] / std[1]])
         )
 
+    def beside_bounds(self) -> str:
+        """Errors beside what noise allows at best, where that is known."""
+        if not self.bounds:
+            return ""
+        errors, best = np.abs(self.errors)[:, :2], np.array(self.bounds)
+        asked = " ".join(f"{100 * each:g} %" for each in WITHIN)
+        outside, expected = (
+            np.sum(errors > WITHIN, axis=0),
+            np.sum(2 * norm.sf(WITHIN / best), axis=0),
+        )
+        times = np.median(errors / best, axis=0) / norm.ppf(0.75)
+        return (
+            f"\n{'':30s} beyond {asked}: {outside[0]} {outside[1]}; of estimates at the bound of "
+            f"Cramér and Rao {expected[0]:.1f} {expected[1]:.1f}; errors over it {times[0]:.1f} "
+            f"{times[1]:.1f}"
+        )
+
     def line(self) -> str:
-        """One line of the table."""
+        """One line of the table, and a second one where bounds are known."""
         if not self.errors:
             return f"{self.name:30s} nothing found, {self.missed} missed"
         f, z, f_std, z_std = np.abs(self.errors).T
@@ -206,7 +225,7 @@ class Score:
             f"{100 * np.median(f):.4f} {100 * f.max():.4f}  {100 * np.median(z):.3f} "
             f"{100 * z.max():.2f}  {100 * np.mean(f_std < 1.96):3.0f} "
             f"{100 * np.mean(z_std < 1.96):3.0f}  {max(f_std.max(), z_std.max()):5.1f}  "
-            f"{plane}  {within}  {np.median(self.times):.2f}"
+            f"{plane}  {within}  {np.median(self.times):.2f}{self.beside_bounds()}"
         )
 
 
@@ -258,17 +277,14 @@ def rings(seeds: int, *, known: bool) -> Score:
                 replace(frf, node=nodes, position_deg=nowhere, excitation_deg=np.nan)
                 for frf in frfs
             )
-        _compare(score, timed(score, References(frfs), band_hz), modes, band_hz)
+        hz = np.array([mode.frequency_hz for mode in modes])
+        ratio = np.array([mode.damping_ratio for mode in modes])
+        inside = (hz > band_hz[0]) & (hz < band_hz[1])
+        noise = [float(frf.std[0, 0]) for frf in frfs]
+        bounds = ring_bound(modes, frfs[0].frequency_hz, RING_DEG, RING_FORCES_DEG, noise)[inside]
+        truth = hz[inside], ratio[inside], np.zeros(0), np.full(inside.sum(), np.nan)
+        score.add(timed(score, References(frfs), band_hz), *truth, bounds=bounds)
     return score
-
-
-def _compare(
-    score: Score, found: list[Mode], modes: tuple[TruthMode, ...], band_hz: tuple[float, float]
-) -> None:
-    inside = [mode for mode in modes if band_hz[0] < mode.frequency_hz < band_hz[1]]
-    hz = np.array([mode.frequency_hz for mode in inside])
-    ratio = np.array([mode.damping_ratio for mode in inside])
-    score.add(found, hz, ratio, np.zeros(0), np.full(hz.size, np.nan))
 
 
 def at_once(seeds: int) -> Score:

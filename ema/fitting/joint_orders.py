@@ -13,6 +13,7 @@ from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch, RingOrder
 from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
+from ema.fitting.ring_pair import PairFit
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real
@@ -30,8 +31,8 @@ _NOT_DRIVEN = 1e-6
 # many standard deviations. A partner of 0.03 % of the response, a hertz off, made one member two.
 _PLACED_STD = 2.0
 # Fits, each with leakage and states of runs and forces as the one before shows them; each leaves a
-# fifth of the error.
-_ROUNDS = 4
+# fifth of the error. Members that moved by less than this share of their σ stay.
+_ROUNDS, _SETTLED = 4, 0.2
 _BOTH = [0, 1]  # members
 
 
@@ -45,8 +46,10 @@ def joint_curves(curves: Sequence[CurveFit], two: Collection[int] = ()) -> list[
     curves = _with_all_orders(curves)
     joint = _JointSearch(curves)
     for _ in range(_ROUNDS - 1):
-        joint.search()
         before = joint
+        before.search()
+        if before.is_settled:
+            break
         joint = _JointSearch([joint.with_run_states(k) for k in range(len(curves))], before)
         if joint.is_as(before):
             break
@@ -72,6 +75,7 @@ class _JointSearch:
         self.alone = {order: [each[order] for each in by_order] for order in sorted(shared)}
         self.joint: dict[int, list[RingOrder]] = self.alone if before is None else before.joint
         self.fits: dict[int, JointFit] = {} if before is None else before.fits
+        self.is_settled = False  # whether the last search found the pairs where they were
         for force, search in enumerate(self.searches):
             search.resolve(self._of_force(force))
         self.seen = {
@@ -95,6 +99,9 @@ class _JointSearch:
         states = {order: self._states(order, known=is_last) for order in self.alone}
         tried = {order: self._fitted(order, states[order], is_last) for order in self.alone}
         fits = {order: found for order, found in tried.items() if found is not None}
+        self.is_settled = self.fits.keys() == fits.keys() and all(
+            _stayed(self.fits[order].pairs[0], fit.pairs[0]) for order, (fit, _) in fits.items()
+        )
         self.joint = {order: orders for order, (_, orders) in fits.items()}
         self.fits = {order: fit for order, (fit, _) in fits.items()}
 
@@ -259,6 +266,13 @@ def _led(order: RingOrder, search: PairSearch) -> RingOrder | None:
     members = tuple(sorted(order.members, key=lambda k: k not in search.directions))
     known = order.is_main and order.pair is not None and members[0] in search.directions
     return replace(order, members=members) if known else None
+
+
+def _stayed(before: PairFit, now: PairFit) -> bool:
+    """Whether the members of a pair moved by less than their ± tell."""
+    return bool(
+        np.all(np.abs(now.numbers - before.numbers) < _SETTLED * np.sqrt(np.diag(now.covariance)))
+    )
 
 
 def _common_start(starts: Sequence[complex]) -> complex:

@@ -214,7 +214,7 @@ class PairSearch:
         self.middle = replace(fit, poles=lines.drifted(fit.poles, self.state))
         self.whole = in_one_state(fit, self.middle.poles) + self.leakage_of_two(orders)
         self.pairs = {each.key: lines.drifted(each.poles, self.state) for each in orders}
-        for each in orders:
+        for each in orders if len(fit.drift) > 1 else ():
             own = list(each.members)
             pair = each.poles, each.waves(self.frf.position_deg), 1.0
             for poles, shapes, sign in (pair, (fit.poles[own], fit.residues[:, own], -1.0)):
