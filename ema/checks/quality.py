@@ -24,6 +24,7 @@ from scipy.ndimage import uniform_filter1d
 
 from ema.circumference.orders import circle_basis, highest_order, on_circle
 from ema.core.frf import FRF
+from ema.poles.estimators import stretched
 
 # Gains repeat from run to run to a percent; what is nearer to 1 than this is how sensors are.
 _SMALLEST = 0.03
@@ -296,6 +297,9 @@ def reciprocity_findings(
         if there is None or back is None:
             continue
         seen = compared(one.frequency_hz, there, back, band_hz)
+        if seen.unexplained > settings.reciprocity_share:
+            moved = compared(one.frequency_hz, there, back, band_hz, far=True)
+            seen = moved if moved.unexplained <= settings.reciprocity_share else seen
         said = list(_contradictions(seen, settings))
         detail = f"force at {_place(one)} and at {_place(other)}: "
         detail += "; ".join(said) or (
@@ -321,7 +325,8 @@ def _contradictions(seen: Reciprocity, settings: CheckSettings) -> Iterator[str]
     low, high = settings.usual_gain_min, settings.usual_gain_max
     significant = abs(seen.gain - 1) > _SIGNIFICANT * seen.gain_std
     if significant and not low <= seen.gain <= high:
-        yield f"gain {seen.gain:.2f}: check the sensitivity of the force"
+        what = "sensitivity" if seen.gain > 0 else "sign"
+        yield f"gain {seen.gain:.2f}: check the {what} of the force"
 
 
 def compared(
@@ -329,9 +334,21 @@ def compared(
     there: tuple[Complex, Real],
     back: tuple[Complex, Real],
     band_hz: tuple[float, float],
+    *,
+    far: bool = False,
 ) -> Reciprocity:
-    """Compare two FRFs that are to be equal, each with its σ: H₂(f) ≈ g H₁(f/(1 + ε))."""
+    """Compare two FRFs that are to be equal, each with its σ: H₂(f) ≈ g H₁(f/(1 + ε)).
+
+    For small ε, or beside the one of `_SHIFTS` that fits best where it may be `far` from 0.
+    """
     lines = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
+    shift = 0.0
+    if far:
+        reverse = back[0][None]
+        moved = np.array([stretched(frequency_hz, reverse, 1 + to)[0] for to in _SHIFTS])
+        along = np.abs(np.real(moved[:, lines].conj() @ there[0][lines]))
+        best = int(np.argmax(along / np.linalg.norm(moved[:, lines], axis=1)))
+        shift, back = float(_SHIFTS[best]), (moved[best], back[1])
     first, second = there[0][lines], back[0][lines]
     noise = there[1][lines] ** 2 + back[1][lines] ** 2
     smooth = uniform_filter1d((there[0] + back[0]) / 2, _SMOOTHED, mode="nearest")
@@ -350,7 +367,8 @@ def compared(
     of_noise = 2 * np.sum(noise) if known else np.sum(np.abs(np.diff(missed, 2)) ** 2) / 6
     power = float(np.sum(np.abs(first) ** 2 + np.abs(second) ** 2)) / 2
     unexplained = max(float(np.sum(np.abs(missed) ** 2) - of_noise), 0.0) / (power or 1.0)
-    return Reciprocity(1 + found[0], std[0], found[1] / (1 + found[0]), std[1], unexplained)
+    shift += (1 + shift) * found[1] / (1 + found[0])
+    return Reciprocity(1 + found[0], std[0], shift, std[1], unexplained)
 
 
 def _at(frf: FRF, other: FRF) -> tuple[Complex, Real] | None:
