@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from ema.circumference.belt_motion import pull_on_waves, stretch_hz
 from ema.circumference.orders import circle_basis, highest_order
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
@@ -24,10 +25,6 @@ Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and r
 _LIVE_PASSES = 6
 # Factors of the live mass that change by less are known as well as the sensors are.
 _LIVE_KNOWN = 1e-3
-# √(K/ρh)/(2πa), frequency of extension of a belt; that of the paper's tyre (Table 4).
-_STRETCH_HZ = 545.0
-# √(k_θ/ρh)/2π, torsion of a belt on its rim: that of rings of car tyres, 30 to 60 Hz.
-_TORSION_HZ = 45.0
 # Orders that may have resonances near 300 Hz, some ten, and tails of such. With eight only, six
 # sensors in twelve runs gave FRFs that were wrong by a half; those above answer by their stiffness.
 _TYRE_ORDERS = 16
@@ -120,13 +117,20 @@ def _bared(
     seen, own = waves[soft], dict.fromkeys(sensors_deg, waves)
     left = rows.values - along_force - basis[:, soft] @ seen
     for _ in range(_PASSES):
+        # Errors of angles and gains leave more than the noise: taken for what the sensors do
+        # differently from run to run, 0.5° were four times worse than no compensation at all.
+        scatter = np.linalg.norm(left, axis=0) / np.sqrt(max(len(left) - len(seen), 1))
+        assumed = np.maximum(noise, scatter)
+        pairs = _pairs(rows.frequency_hz, seen, assumed)
+        stretch = stretch_hz(rows.frequency_hz, seen[0], pairs[3], assumed)
         pulls = {
-            name: _pull(
+            name: pull_on_waves(
                 mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
                 seats[name],
                 _at_seats(rows, name, angles, seats[name] @ own[name]),
                 own[name],
                 rows.frequency_hz,
+                stretch,
             )
             for name, angles in sensors_deg.items()
         }
@@ -134,13 +138,9 @@ def _bared(
         taken = inertance * pull[:, stiff]
         push = np.array([row @ taken[k] for row, k in zip(basis[:, stiff], run, strict=True)])
         values = rows.values + push - along_force
-        # Errors of angles and gains leave more than the noise: taken for what the sensors do
-        # differently from run to run, 0.5° were four times worse than no compensation at all.
-        scatter = np.linalg.norm(left, axis=0) / np.sqrt(max(len(left) - len(seen), 1))
-        assumed = np.maximum(noise, scatter)
         taken_soft, with_sensors, seen, left = mass_push(
             *(rows.frequency_hz, values, assumed, basis[:, soft], pull[:, soft], run, shift),
-            *(known, seen),
+            *(known, seen, pairs),
         )
         for name, moving in zip(names, with_sensors, strict=True):
             own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
@@ -201,26 +201,6 @@ def _at_seats(frf: FRF, run: str, angles_deg: Real, around: Complex) -> Complex:
         if same:
             around[number] = frf.values[same[0]]
     return np.asarray(around)
-
-
-def _pull(
-    mass_kg: Real, seats: Real, radial: Complex, waves: Complex, frequency_hz: Real
-) -> Complex:
-    """Pull of the masses at the seats on each wave, (n_waves, n_frequencies).
-
-    A sensor moves along the belt too. A belt that does not stretch moves v = −w'/n² (Kim, Nam &
-    Lee 2020; v' = −w): for order n the tangential pull adds about 1/n² of the radial one. Its own
-    inertia, less the pull of the bed, stretches it: v is larger by (ρhω² − k_θ)a²/(n²K), 1 to 2 %
-    for order 1.
-    """
-    order = np.arange(1, (seats.shape[1] + 1) // 2)
-    along = np.zeros_like(seats)
-    along[:, 1::2], along[:, 2::2] = -seats[:, 2::2] / order, seats[:, 1::2] / order
-    stretch = np.ones((seats.shape[1], frequency_hz.size))
-    inertia = frequency_hz**2 - _TORSION_HZ**2
-    stretch[1:] += inertia / (_STRETCH_HZ * np.repeat(order, 2)[:, None]) ** 2
-    tangential = along @ (stretch * waves)
-    return np.asarray((mass_kg * seats.T) @ radial + stretch * ((mass_kg * along.T) @ tangential))
 
 
 def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
@@ -289,6 +269,7 @@ def mass_push(
     shift: Real,
     across: Complex,
     seen: Complex,
+    pairs: Real,
 ) -> tuple[Complex, Complex, Complex, Complex]:
     """What the sensors' mass takes from the waves of a ring, by least squares line by line.
 
@@ -311,7 +292,9 @@ def mass_push(
     across : ndarray, shape (n_orders, n_frequencies)
         ss − cc, or NaN.
     seen : ndarray, shape (n_waves, n_frequencies)
-        Waves, from which the orientation of pairs is read.
+        Waves as far as they are known.
+    pairs : ndarray, shape (4, n_orders)
+        What they show of each order, see `_orientation`.
 
     Returns
     -------
@@ -322,15 +305,12 @@ def mass_push(
     left : ndarray, shape (n_rows, n_frequencies)
         What these waves and the sensors do not explain.
     """
-    cosine, sine = seen[1::2], seen[2::2]
     given, apart = np.all(np.isfinite(across), axis=1), np.nan_to_num(across)
     # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
     alike = _moved(frequency_hz, pull, shift)
     middle = _moved(frequency_hz, values[:, None], shift[run])[:, 0]
-    known = [_orientation(frequency_hz, c, s, noise) for c, s in zip(cosine, sine, strict=True)]
-    contrast, spread, turned = np.array(known).T
-    contrast[given], spread[given] = 0.0, _SEEN_WHOLE
-    size = np.abs(cosine) + np.abs(apart)
+    contrast, spread = np.where(given, [[0.0], [_SEEN_WHOLE]], pairs[:2])
+    turned, size = pairs[2], np.abs(seen[1::2]) + np.abs(apart)
     trust = noise / np.maximum(spread[:, None] * size, 1e-6 * noise)
     driven = _taken(np.eye(basis.shape[1]), _force(turned))
     shaken = basis @ driven
@@ -410,10 +390,16 @@ def _prior(contrast: Real, trust: Real) -> Complex:
     return rows
 
 
+def _pairs(frequency_hz: Real, waves: Complex, noise: Real) -> Real:
+    """What the waves show of each order, see `_orientation`, (4, n_orders)."""
+    both = zip(waves[1::2], waves[2::2], strict=True)
+    return np.array([_orientation(frequency_hz, *order, noise) for order in both]).T
+
+
 def _orientation(
     frequency_hz: Real, cosine: Complex, sine: Complex, noise: Real
-) -> tuple[float, float, float]:
-    """Contrast (cc − ss)/cs of an order on all lines, how far ss is unknown then, and t.
+) -> tuple[float, float, float, float]:
+    """Contrast (cc − ss)/cs of an order on all lines, how far ss is unknown then, t and M.
 
     From (M ω² − K − jωD) C (1, t)ᵀ = ω² (1, t)ᵀ by least squares, with K and D symmetric and one
     modal mass M for both members: the contrast of C is that of K. t of the force is near zero.
@@ -421,7 +407,7 @@ def _orientation(
     clear = np.hypot(np.abs(cosine), np.abs(sine)) / noise
     near = (frequency_hz > 0) & (clear > _RESONANT * clear.max())
     if not np.any(near):
-        return 0.0, 1.0, 0.0
+        return 0.0, 1.0, 0.0, 0.0
     ratio = frequency_hz[near].max() / frequency_hz[near]
     weight, cc, cs, none = clear[near], cosine[near], sine[near], np.zeros(ratio.size)
     stiff, damped = -(ratio**2), -1j * ratio
@@ -434,7 +420,7 @@ def _orientation(
     right = np.concatenate([weight, none, none, none, [0.0]])
     parts = np.concatenate([system.real, system.imag, expected])
     solved, left, *_ = np.linalg.lstsq(parts, right, rcond=None)
-    _, k11, k12, k22, *_, turned = solved
+    mass_kg, k11, k12, k22, *_, turned = solved
     variance = np.linalg.pinv(parts.T @ parts)[2, 2] * float(np.sum(left)) / len(right)
     apart = cs - turned * cc
     share = float(np.linalg.norm(weight * apart) / np.linalg.norm(weight * cc))
@@ -443,4 +429,4 @@ def _orientation(
     spread = float(np.clip(_ONE_SIDED / share, _KNOWN, 1.0)) if share > 0 else 1.0
     shows = clear_of_noise > 1 and k12**2 > _COUPLED**2 * variance
     shows &= abs(contrast) * share < _FARTHEST
-    return (contrast if shows else 0.0), spread, float(turned)
+    return (contrast if shows else 0.0), spread, float(turned), float(mass_kg)
