@@ -11,15 +11,8 @@ import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
 from model.arguments import Array
-from model.identifiability import (
-    OUTLIER,
-    WRONG_VALUE,
-    degrees_of_freedom,
-    model_form,
-    order_1_is_tested,
-    restarted,
-    with_model_form,
-)
+from model.identifiability import OUTLIER, WRONG_VALUE, order_1_is_tested, order_1_share
+from model.model_form import degrees_of_freedom, model_form, restarted, with_model_form
 from model.parameters import RING_NAMES
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
 
@@ -216,10 +209,10 @@ def judge_tuning(
         detail = f"{n_orders} frequencies for {n_orders - spare} unknowns: no test of the ring"
         evidence.append(Evidence(Reason.UNTESTED, detail))
     elif all(each.order != 1 for each in evidence) and not order_1_is_tested(search, values):
-        percent = f"{100 * problem.priors.order_1_std:g} %"
+        share = order_1_share(search, values)
         detail = (
-            f"k_θ rests on order 1 alone; its ± allows for an error of {percent} in order 1, that "
-            "of the other parameters does not"
+            f"k_θ rests on order 1 alone: 1 % of order 1 moves k_θ by {share:.2g} %, and no ± "
+            "holds such an error"
         )
         evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +11,10 @@ from scipy.linalg import block_diag
 
 from model.arguments import Array, ReadonlyArrays, whole_orders
 from model.coefficients import PressureLoad
+from model.model_form import IN_95, ModelForm, model_form, with_model_form
 from model.parameters import RING_NAMES, RingParameters
 from model.ring import natural_frequencies_hz
-from model.tuning_problem import CIRCUMFERENTIAL, WIDTH, Search, TuningProblem, plan_search
+from model.tuning_problem import CIRCUMFERENTIAL, WIDTH, Search
 
 GIVEN = "given"
 IDENTIFIED = "identified"
@@ -25,6 +27,9 @@ LARGEST_RELATIVE_STD = 0.2
 #: Relative error of one frequency that is wrong: the other member of a split pair, a neighbouring
 #: mode, a rim that gives way. A larger one is not expected.
 WRONG_VALUE = 0.05
+#: The same of order 1, which alone moves the rim, 1 σ where it is not tested: a fixture with a mode
+#: at 300 Hz and a rim of 10 kg lowers it by 3 %.
+ORDER_1_STD = WRONG_VALUE / 2.0
 #: Standard deviations from which on one value among all others is told to be wrong: 0.4 % of eight
 #: right ones.
 OUTLIER = 3.5
@@ -40,10 +45,6 @@ SENSITIVE = (
 )
 _STEP = 1e-4  # relative; central differences then err by about 1e-8
 _CHANGE = 1e-4  # relative; of pressure, radius and held values
-#: Largest over smallest model form that is likely before the data, each size as likely as another:
-#: from a ring in a computer, exact but for rounding, to a tyre whose rim or bead gives way.
-_FORM_RANGE = 50.0
-_FORM_SIZES = 100  # that are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,69 +213,10 @@ class Spread(ReadonlyArrays):
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
 
 
-@dataclass(frozen=True, eq=False)
-class ModelForm(ReadonlyArrays):
-    """How far a tyre may be from a ring, relative, as the residuals leave it of the prior.
-
-    The prior is uniform in the logarithm and has the stated value as its rms, which remains without
-    spare data. Few residuals that happen to be small narrow it little: large ones stay possible.
-    """
-
-    size: Array
-    probability: Array
-
-    @property
-    def std(self) -> float:
-        """Root mean square."""
-        return float(np.sqrt(self.probability @ self.size**2))
-
-
-def model_form(search: Search, values: Array) -> ModelForm:
-    """Deviation of ring and tyre that the residuals of a tuning leave."""
-    problem = search.problem
-    used, prior = problem.used, problem.priors.model_form_std
-    own = np.zeros(problem.orders.size) if problem.relative_std is None else problem.relative_std
-    spare = degrees_of_freedom(search)
-    if spare <= 0 or not prior:
-        return ModelForm(np.array([prior]), np.ones(1))
-    own_variance = float(np.mean(own[used] ** 2))
-    squares = float(np.sum(problem.relative_deviations(search.ring(values))[used] ** 2))
-    size = np.geomspace(1.0 / _FORM_RANGE, 1.0, _FORM_SIZES)
-    size *= prior / np.sqrt(np.mean(size**2))
-    variance = size**2 + own_variance
-    logarithm = -0.5 * (spare * np.log(variance) + squares / variance)
-    likely = np.exp(logarithm - logarithm.max())
-    form = ModelForm(size, likely / likely.sum())
-    excess = max(squares / spare - own_variance, 0.0)  # may be beyond all that is likely
-    return ModelForm(np.sqrt([excess]), np.ones(1)) if excess > form.std**2 else form
-
-
-def restarted(problem: TuningProblem, search: Search, values: Array) -> tuple[Search, Array]:
-    """Tune a similar problem from the solution of another."""
-    other = plan_search(problem)
-    start = dict(zip(search.free, values.tolist(), strict=True))
-    near = [start.get(name, size) for name, size in zip(other.free, other.scale, strict=True)]
-    return other, other.solution(np.array(near))
-
-
-def with_model_form(search: Search, std: float) -> Search:
-    """The search with another deviation of the tyre from a ring."""
-    problem = search.problem
-    priors = replace(problem.priors, model_form_std=std)
-    return replace(search, problem=replace(problem, priors=priors))
-
-
-def degrees_of_freedom(search: Search) -> int:
-    """Frequencies less the parameters that only they determine."""
-    with_prior = set(search.priors) | {WIDTH}
-    free = sum(name not in with_prior for name in search.free)
-    return int(search.problem.used.sum()) - free
-
-
-def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = True) -> Spread:
+def posterior_spread(search: Search, values: Array, *, order_1_std: float = 0.0) -> Spread:
     """Covariance of the ring's parameters for all errors that the problem states.
 
-    Where nothing tests order 1, k_θ, which rests on it, has the error that it may have besides.
+    With `order_1_std`, that of k_θ has this relative error of order 1 besides.
     """
     problem, bound = search.problem, search.at_bound(values)
     slope = search.with_slope(values)[:, 1:]
@@ -285,10 +227,9 @@ def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = Tr
     names = tuple(name for name, held in zip(search.free, bound, strict=True) if not held)
     fit = LinearFit(names, values[~bound], slope[:, ~bound], np.ones(slope.shape[0]))
     known = _known_changes(search, values)
-    if not order_1_tested and CIRCUMFERENTIAL in names:
-        wrong = _order_1_change(search, problem.priors.order_1_std)
-        moves = float(fit.moved(wrong)[names.index(CIRCUMFERENTIAL)])
-        known.append((np.zeros_like(wrong), {CIRCUMFERENTIAL: moves}))
+    if order_1_std:
+        moves = order_1_share(search, values) * order_1_std * ring.circumferential_stiffness_n_m3
+        known.append((np.zeros(slope.shape[0]), {CIRCUMFERENTIAL: moves}))
     moved = np.zeros((values.size, errors.shape[1] + len(known)))
     moved[~bound] = fit.moved(np.column_stack([errors, *(change for change, _ in known)]))
     if bound.any():
@@ -308,21 +249,60 @@ def posterior_spread(search: Search, values: Array, *, order_1_tested: bool = Tr
     return Spread(names, total @ total.T, fit, free_std)
 
 
+def calibrated(spread: Spread, wide: Spread, form: ModelForm) -> Spread:
+    """The spread whose 1.96 standard deviations hold 95 %, whichever the model form is.
+
+    Small ones are the likeliest where residuals are small, and large ones make the rms. Variances
+    are linear in that of the model form; `wide` is the spread at twice its rms.
+    """
+    own, of_form = _parts(spread, wide)
+    half = [form.half_of_95(*each) for each in zip(own, of_form, strict=True)]
+    factor = np.array(half) / (IN_95 * np.sqrt(np.diag(spread.covariance)))
+    return replace(spread, covariance=spread.covariance * np.outer(factor, factor))
+
+
+def chances_of_half(
+    values: Mapping[str, float], spread: Spread, wide: Spread, form: ModelForm
+) -> dict[str, float]:
+    """Probability that each parameter is off by more than half its value."""
+    parts = zip(spread.names, *_parts(spread, wide), strict=True)
+    return {name: form.chance_beyond(0.5 * values[name], *each) for name, *each in parts}
+
+
+def _parts(spread: Spread, wide: Spread) -> tuple[Array, Array]:
+    """Variance of each parameter by all but the model form, and by that."""
+    total, far = np.diag(spread.covariance), np.array([wide.std[n] ** 2 for n in spread.names])
+    of_form = np.clip((far - total) / 3.0, 0.0, total)
+    return total - of_form, of_form
+
+
 def order_1_is_tested(search: Search, values: Array) -> bool:
-    """Whether the other data would tell that order 1 is wrong; where none is, they need not.
+    """Whether the other data would tell a wrong order 1; where its error is stated, they need not.
 
     An error e of one value leaves √r·e in its residual, with the redundancy r that the others give
     it (Baarda 1968). The deviation of the tyre from a ring is that of the residuals.
     """
     problem = search.problem
     is_free_of_it = problem.objective == "paper" or 1 not in problem.orders[problem.used]
-    if is_free_of_it or not problem.priors.order_1_std:
+    if is_free_of_it or problem.priors.order_1_std is not None:
         return True
     search = with_model_form(search, model_form(search, values).std)
     wrong = _order_1_change(search, WRONG_VALUE)
     slope = search.with_slope(values)[:, 1:] * search.scale
     own = wrong - slope @ (np.linalg.pinv(slope, rcond=_RANK) @ wrong)
     return float(wrong @ own) > OUTLIER**2
+
+
+def order_1_share(search: Search, values: Array) -> float:
+    """Relative change of k_θ over that of the measured order 1; 0 where k_θ is not free."""
+    loose = ~search.at_bound(values)
+    names = tuple(name for name, kept in zip(search.free, loose, strict=True) if kept)
+    if CIRCUMFERENTIAL not in names:
+        return 0.0
+    slope = search.with_slope(values)[:, 1:][:, loose]
+    fit = LinearFit(names, values[loose], slope, np.ones(slope.shape[0]))
+    place = names.index(CIRCUMFERENTIAL)
+    return float(fit.moved(-_order_1_change(search, 1.0))[place] / fit.values[place])
 
 
 def _order_1_change(search: Search, error: float) -> Array:

@@ -271,9 +271,10 @@ class TuningPriors:
         Of force and acceleration together, the same for all modal masses.
     model_form_std : float
         Deviation of a tyre's frequencies from those of a ring; the paper's are within 0.5 %.
-    order_1_std : float
-        Of order 1 besides, in the ± of k_θ where no torsion tests it: this order alone moves the
-        rim. A fixture with a mode at 300 Hz and a rim of 10 kg lowers it by 3 %.
+    order_1_std : float or None
+        Of order 1 besides its own and that of the model form: this order alone moves the rim.
+        None: no ± holds such an error, and where nothing tests order 1, k_θ is identified only if
+        2.5 % of it do not make k_θ wrong by half.
     parameters : mapping of str to (float, float)
         Value and standard deviation in SI of parameters of `RingParameters` or of
         ``radial_growth_m``.
@@ -289,7 +290,7 @@ class TuningPriors:
     width_std: float = 0.03
     calibration_std: float = 0.01
     model_form_std: float = 0.005
-    order_1_std: float = 0.025
+    order_1_std: float | None = None
     parameters: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,16 +21,17 @@ from model.identifiability import (
     IDENTIFIED,
     LARGEST_RELATIVE_STD,
     NOT_IDENTIFIED,
+    ORDER_1_STD,
     Correlation,
-    ModelForm,
     Sensitivity,
     Spread,
+    calibrated,
+    chances_of_half,
     frequency_sensitivity,
-    model_form,
     order_1_is_tested,
     posterior_spread,
-    with_model_form,
 )
+from model.model_form import model_form, with_model_form
 from model.parameters import (
     RING_NAMES,
     RingParameters,
@@ -275,6 +276,9 @@ def tune_ring(
     )
     known = priors or TuningPriors()
     require_type("priors", known, TuningPriors)
+    if known.order_1_std:
+        own = np.zeros(numbers.size) if relative is None else relative
+        relative = np.hypot(own, known.order_1_std * (numbers == 1))
     for name, mapping in (("given", given), ("start", start), ("bounds", bounds)):
         require_type(name, mapping or {}, Mapping)
     if radial_growth_m is not None and radial_growth_std_m:
@@ -308,9 +312,14 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
     problem = search.problem
     values = search.solution(values)
     ring = search.ring(values)
-    spread = posterior_spread(search, values, order_1_tested=tested)
-    wide = posterior_spread(with_model_form(search, 2.0 * form.std), values, order_1_tested=tested)
-    how = _how(search, values, spread, _chance_of_half(spread, wide, form))
+    wider = with_model_form(search, 2.0 * form.std)
+    near, far = (posterior_spread(each, values) for each in (search, wider))
+    spread = calibrated(near, far, form)
+    if not tested:
+        near, far = (
+            posterior_spread(each, values, order_1_std=ORDER_1_STD) for each in (search, wider)
+        )
+    how = _how(search, values, spread, chances_of_half(vars(ring), near, far, form))
     return TuningResult(
         ring=ring,
         std=spread.std,
@@ -331,28 +340,11 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
     )
 
 
-def _chance_of_half(spread: Spread, wide: Spread, form: ModelForm) -> Callable[[str, float], float]:
-    """Probability that a parameter is off by more than half its value.
-
-    Its variance is linear in that of the model form, `wide` is at twice its rms; and the model form
-    is itself known from few residuals only.
-    """
-    share = (form.size / max(form.std, np.finfo(float).tiny)) ** 2
-
-    def chance(name: str, value: float) -> float:
-        own = spread.std.get(name, 0.0) ** 2
-        of_form = max(wide.std.get(name, 0.0) ** 2 - own, 0.0) / 3.0
-        variance = np.maximum(own + of_form * (share - 1.0), np.finfo(float).tiny)
-        return float(form.probability @ (2.0 * ndtr(-0.5 * value / np.sqrt(variance))))
-
-    return chance
-
-
 def _how(
-    search: Search, values: Array, spread: Spread, chance: Callable[[str, float], float]
+    search: Search, values: Array, spread: Spread, of_half: Mapping[str, float]
 ) -> dict[str, str]:
     """How each parameter was obtained, those that were not fitted included."""
-    problem, ring = search.problem, search.ring(values)
+    problem = search.problem
     how = dict.fromkeys(("mean_radius_m", "inflation_pressure_pa"), GIVEN)
     if problem.belt_width_m is not None:
         how[WIDTH] = GIVEN
@@ -370,7 +362,7 @@ def _how(
         else:
             vague = (
                 no_tyre
-                or chance(name, getattr(ring, name)) > _LARGEST_CHANCE
+                or of_half.get(name, 0.0) > _LARGEST_CHANCE
                 or undetermined.get(source, False)
                 or _hardly_narrowed(search, spread, source)
             )
