@@ -56,17 +56,22 @@ def show_version(version: Version, standing: str, *, as_json: bool) -> None:
     echo(f"Standing: {standing}")
     echo(f"Added: {entry.created} by {entry.author}{f': {entry.note}' if entry.note else ''}")
     echo(f"Source: {own.provenance.get('campaign', 'campaign not stated')}, {entry.source}")
+    echo(f"Verdict: {verdict_text(own)}")
     show_parameters(own)
-    show_verdict(own)
+    _show_warnings(own)
 
 
 def show_verdict(parameters: ParameterSet, *, doubts_only: bool = False) -> None:
     """Print the verdict on a set and its warnings; doubts go to standard error."""
-    basis = parameters.basis
-    if basis.is_in_doubt:
+    if parameters.basis.is_in_doubt:
         echo_error(f"Verdict: {verdict_text(parameters)}")
     elif not doubts_only:
         echo(f"Verdict: {verdict_text(parameters)}")
+    _show_warnings(parameters)
+
+
+def _show_warnings(parameters: ParameterSet) -> None:
+    basis = parameters.basis
     for warning in basis.warnings[:FEW_WARNINGS]:
         echo_error(f"Warning: {warning}")
     if more := basis.warnings[FEW_WARNINGS:]:
@@ -83,10 +88,11 @@ def accepts(parameters: ParameterSet, question: str, *, given: bool, asks: bool)
     return True
 
 
-def require_accepted(found: NamedSet, *, given: bool, asks: bool) -> None:
-    """Refuse to write a set whose verdict is not good, unless that is accepted."""
-    accepted = accepts(found.parameters, "Write", given=given, asks=asks)
-    accepted_verdict(found.name, found.parameters.basis, accept_warnings=accepted)
+def require_accepted(*sets: NamedSet, given: bool, asks: bool) -> None:
+    """Refuse to write sets with a verdict that is not good, unless that is accepted."""
+    for found in sets:
+        given = accepts(found.parameters, f"Write {found.name}", given=given, asks=asks)
+        accepted_verdict(found.name, found.parameters.basis, accept_warnings=given)
 
 
 def show_parameters(parameters: ParameterSet) -> None:
@@ -180,12 +186,14 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
             {"name": name, "first": one, "second": two} for name, one, two in found.conditions
         ]
         changes = [_change(each, independent=found.independent) for each in found.changes]
-        content = {"first": found.first.name, "second": found.second.name}
+        content: dict[str, Any] = {}
+        for which, each in (("first", found.first), ("second", found.second)):
+            content |= {which: each.name, f"{which}_verdict": each.parameters.basis.state}
         about = {"conditions": conditions, "parameters": changes, "notes": found.notes}
         print_json({**content, **about})
         return
-    echo(f"A: {found.first.name}")
-    echo(f"B: {found.second.name}")
+    for letter, each in (("A", found.first), ("B", found.second)):
+        echo(f"{letter}: {each.name} (verdict {verdict_text(each.parameters)})")
     for name, one, two in found.conditions:
         echo(f"Condition: {name}: {stated(one)} in A, {stated(two)} in B")
     head = ("parameter", "A", "B", "B − A", "in %", "z", "p", "verdict")
@@ -199,7 +207,8 @@ def show_difference(found: SetDifference, *, as_json: bool) -> None:
 def show_series(series: Series, unit: str, *, as_json: bool) -> None:
     """Print the straight line of each parameter over pressure."""
     if as_json:
-        print_json({"tyre": series.tyre, "trends": [_trend(each) for each in series.trends]})
+        trends = [_trend(each) for each in series.trends]
+        print_json({"tyre": series.tyre, "trends": trends, "notes": series.notes})
     else:
         rows = [trend_row(trend, unit) for trend in series.trends]
         title, texts = f"{series.tyre} over inflation pressure", ("parameter", "versions")

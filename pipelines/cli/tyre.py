@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from ema.core.errors import InputError
+from model.adequacy import State
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.app import Command, group
@@ -17,7 +18,14 @@ from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
 from pipelines.library.history import difference, history_of, pressure_series
-from pipelines.library.library import VARIABLE, TyreLibrary, numbers_of, resolve
+from pipelines.library.library import (
+    VARIABLE,
+    NamedSet,
+    TyreLibrary,
+    numbers_of,
+    read_source,
+    resolve,
+)
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.version import Version, login_name
 from pipelines.report.ring import ENDINGS, write_series
@@ -50,26 +58,34 @@ def add(
         opt.option("Condition in SI, e.g. load_n=4000.", opt.LIBRARY, "NAME=VALUE"),
     ] = None,
     accept_changes: opt.AcceptChanges = False,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Add the parameter set of a result as a new version of its tyre.
 
     The first version of the first tyre creates the library's folder. Several people may add at the
-    same time: each version gets its own number.
+    same time: each version gets its own number. A set whose verdict is bad needs --accept-warnings,
+    or a yes where you are asked; a doubtful one is added with its verdict.
 
     Example:
       ringmodal tyre add results/tyre_7 --library parameters --note "new contour"
     """
-    added = _library(library).add(
+    of, found = _library(library), read_source(result, accept_changes=accept_changes)
+    show_tyre.show_verdict(found, doubts_only=True)
+    is_bad = found.basis.state is State.BAD
+    accepted = accept_warnings or (
+        is_bad and show_tyre.accepts(found, "Add it", given=False, asks=not as_json)
+    )
+    added = of.add(
         result,
         tyre_id=tyre_id,
         note=note,
         author=author,
         conditions=numbers_of("--condition", condition or (), "temperature_c=21.5"),
         accept_changes=accept_changes,
+        accept_warnings=accepted,
     )
     _say_what_is_done("Added", added, as_json=as_json)
-    show_tyre.show_verdict(added.parameters, doubts_only=True)
 
 
 @tyre.command("list", cls=Command)
@@ -252,12 +268,14 @@ def series(
         Literal["bar", "kPa", "Pa", "psi"], opt.option("Unit of the pressure.")
     ] = "bar",
     library: opt.Library = None,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Follow the parameters of a tyre over inflation pressure, with a straight line for each.
 
     Versions identified at two or more pressures are required; of several from the same recordings
-    the newest is used. Lines are weighted with 1/σ².
+    the newest is used. Lines are weighted with 1/σ². Verdicts that are not good are named, and
+    --out then needs --accept-warnings, or a yes where you are asked.
 
     Example:
       ringmodal tyre series 225-55R17 --library parameters --out series.png
@@ -270,6 +288,8 @@ def series(
         raise (damage[0] if damage else error) from error
     show_tyre.show_series(found, pressure_unit, as_json=as_json)
     if out is not None:
+        used = (NamedSet(each.reference, each.parameters) for each in found.versions)
+        show_tyre.require_accepted(*used, given=accept_warnings, asks=not as_json)
         write_series(out, found, pressure_unit)
         if not as_json:
             echo(f"Plot: {out}")

@@ -112,21 +112,26 @@ def from_tir(
     ] = None,
     library: opt.Library = None,
     accept_changes: opt.AcceptChanges = False,
+    accept_warnings: opt.AcceptWarnings = False,
     as_json: opt.Json = False,
 ) -> None:
     """Derive ring parameters from a tyre property file (.tir): mass per area, k_r and k_θ.
 
     From BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and INFLPRES. K and D are not in the file: they
-    are assumed, or taken from --like.
+    are assumed, or taken from --like, whose verdict must be good or accepted where --out is given.
 
     Examples:
       ringmodal tyre from-tir tyre.tir --belt-width-m 0.19
       ringmodal tyre from-tir tyre.tir --like result --out from_tir.toml
     """  # noqa: D406, D407 - a heading of the help
-    known = resolve(like, library, accept_changes=accept_changes).parameters if like else None
-    made = ring_from_tir(read_tir(file), belt_width_m, known)
+    known = resolve(like, library, accept_changes=accept_changes) if like else None
+    made = ring_from_tir(read_tir(file), belt_width_m, known.parameters if known else None)
     parameters = made.parameters
+    if known is not None:
+        show_verdict(known.parameters, doubts_only=True)
     if out is not None:
+        if known is not None:
+            require_accepted(known, given=accept_warnings, asks=not as_json)
         export(parameters, out)
     if as_json:
         ring = {name: {"value": p.value, "how": p.how} for name, p in parameters.ring.items()}

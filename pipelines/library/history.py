@@ -72,6 +72,7 @@ class Series:
     tyre: str
     trends: tuple[Trend, ...]
     notes: tuple[str, ...]
+    versions: tuple[Version, ...]  # used
 
 
 def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> Series:
@@ -95,7 +96,7 @@ def pressure_series(versions: Sequence[Version], names: Sequence[str] = ()) -> S
         rule = f"a series needs {sought} identified at two different pressures"
         remedy = "Add results measured at other pressures"
         raise InputError(versions[0].tyre, f"recordings at {bar} bar", rule, remedy)
-    return Series(versions[0].tyre, trends, tuple(_notes(versions, used, missing)))
+    return Series(versions[0].tyre, trends, tuple(_notes(versions, used, missing)), tuple(used))
 
 
 def fit_line(x: ArrayLike, y: ArrayLike, std: ArrayLike) -> Line:

@@ -9,6 +9,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from ema.core.errors import InputError, unknown
+from model.adequacy import State
 from model.errors import ParameterError
 from pipelines.library.numbering import folder_name, numbered_files, split_reference
 from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
@@ -19,6 +20,7 @@ from pipelines.results.parameter_set import (
     read_parameter_set,
 )
 from pipelines.results.provenance import READ_BACK, checked_result
+from pipelines.results.verdict import accepted_verdict
 from pipelines.storage.atomic import folder_in_use
 from pipelines.storage.checksums import DamagedFile, sha256
 
@@ -77,6 +79,7 @@ class TyreLibrary:
         author: str = "",
         conditions: Mapping[str, float] | None = None,
         accept_changes: bool = False,
+        accept_warnings: bool = False,
     ) -> Version:
         """Add the parameter set of a result folder or a TOML file as a new version of its tyre.
 
@@ -90,15 +93,19 @@ class TyreLibrary:
             Further conditions, named as in `CONDITION_NAMES`.
         accept_changes : bool
             Accept an edited result or set; this is recorded in its provenance.
+        accept_warnings : bool
+            Accept a set whose verdict is bad; a doubtful one needs nothing until it is approved.
 
         Raises
         ------
         InputError
-            If the parameters do not describe a ring, were edited and are not accepted, or the name
-            belongs to another tyre.
+            If the parameters do not describe a ring, were edited or are bad and not accepted, or
+            the name belongs to another tyre.
         """
         path = parameter_file(Path(source))
         found = read_source(Path(source), accept_changes=accept_changes)
+        if found.basis.state is State.BAD:
+            accepted_verdict(str(source), found.basis, accept_warnings=accept_warnings)
         for name in conditions or {}:
             if name not in CONDITION_NAMES:
                 raise unknown("--condition", name, "unknown condition", CONDITION_NAMES)

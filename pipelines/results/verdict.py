@@ -370,7 +370,7 @@ def accepted_verdict(name: str, basis: Basis, *, accept_warnings: bool) -> str:
     if basis.verdict is None or basis.verdict.is_good:
         return ""
     if not accept_warnings:
-        rule = "what leaves the laboratory needs a good verdict, or the word that it is accepted"
+        rule = "what is handed on needs a good verdict, or the word that it is accepted"
         remedy = "Measure again, or accept it (--accept-warnings, accept_warnings=True)"
         raise InputError(name, f"verdict {basis.verdict.text()}", rule, remedy)
     return basis.verdict.text()

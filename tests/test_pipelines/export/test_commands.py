@@ -206,7 +206,7 @@ def test_modal_targets_of_a_set_alone(tyre, toml, tmp_path):
 
 def test_modal_targets_name_set_date_and_verdict(tyre, tmp_path):
     library, out = ("--library", tmp_path / "library"), tmp_path / "targets.txt"
-    tyre("add", written(tmp_path / "bad.toml", doubted()), *library)
+    tyre("add", written(tmp_path / "bad.toml", doubted()), *library, "--accept-warnings")
     refused = ("modal-targets", "225-55R17@1", *library, "--out", out)
     assert_refused(tyre(*refused), "--accept-warnings")
     assert_refused(tyre("export", *refused[1:-1], tmp_path / "a.json"), "--accept-warnings")

@@ -6,6 +6,8 @@ import pyarrow.parquet as pq
 import pytest
 from library import SET, doubted, varied, written
 
+from model.adequacy import Reason
+
 
 @pytest.fixture
 def tyre(ringmodal, tmp_path, monkeypatch):
@@ -80,20 +82,38 @@ def test_approve_show_and_rollback(tyre):
 
 def test_a_verdict_that_is_not_good_is_shown_and_must_be_accepted(tyre, tmp_path):
     path = written(tmp_path / "bad.toml", doubted())
-    code, _, errors = tyre("add", path)
-    assert code == 0 and "Verdict: bad: two modes of order 1" in errors
-    code, output, errors = tyre("approve", "225-55R17@3")
+    code, output, errors = tyre("add", path)
     assert (code, output) == (2, "") and "--accept-warnings" in errors
-    assert "no version is approved" in tyre("show", "225-55R17@3")[1]
-    assert tyre("approve", "225-55R17@3", "--accept-warnings")[0] == 0
+    assert tyre("add", written(tmp_path / "doubt.toml", doubted(Reason.UNTESTED)))[0] == 0
+    code, _, errors = tyre("add", path, "--accept-warnings")
+    assert code == 0 and "Verdict: bad: two modes of order 1" in errors
+    code, output, errors = tyre("approve", "225-55R17@4")
+    assert (code, output) == (2, "") and "--accept-warnings" in errors
+    assert "no version is approved" in tyre("show", "225-55R17@4")[1]
+    assert tyre("approve", "225-55R17@4", "--accept-warnings")[0] == 0
     _, output, errors = tyre("show", "225-55R17")
-    assert "accepted as bad: two modes" in output and "Verdict: bad" in errors
+    assert "accepted as bad: two modes" in output and "Verdict: bad" in output
+    assert "Warning: hum" in errors
     record = as_json(tyre("show", "225-55R17", "--json"))
     assert (record["verdict"]["state"], record["model"]["pressure_load"]) == ("bad", "dead")
     lines = as_json(tyre("history", "225-55R17", "--json"))["history"]
-    assert [line["verdict"] for line in lines] == [None, None, "bad"]
-    assert {row["verdict"] for row in as_json(tyre("table", "--json"))} == {"", "bad"}
+    assert [line["verdict"] for line in lines] == [None, None, "doubtful", "bad"]
+    assert {row["verdict"] for row in as_json(tyre("table", "--json"))} == {"", "doubtful", "bad"}
     assert "Verdict: bad" in tyre("export", "225-55R17", "--out", tmp_path / "x.toml")[2]
+    both = "225-55R17@1", "225-55R17"
+    assert "B: 225-55R17@4 (verdict bad: two modes" in tyre("diff", *both)[1]
+    assert as_json(tyre("diff", *both, "--json"))["second_verdict"] == "bad"
+
+
+def test_a_series_of_sets_in_doubt_is_drawn_where_that_is_accepted(tyre, tmp_path):
+    later = varied("3", 280000.0, radial_stiffness_n_m3=8.7e6)
+    tyre("add", written(tmp_path / "bad.toml", doubted(parameters=later)), "--accept-warnings")
+    drawn = "series", "225-55R17", "--out", tmp_path / "series.png"
+    code, _, errors = tyre(*drawn)
+    assert code == 2 and "Version 3: verdict bad" in errors and "--accept-warnings" in errors
+    assert not drawn[-1].exists()
+    assert tyre(*drawn, "--accept-warnings")[0] == 0 and drawn[-1].exists()
+    assert any("bad" in note for note in as_json(tyre(*drawn[:2], "--json"))["notes"])
 
 
 def test_diff_of_versions_and_files(tyre, tmp_path):

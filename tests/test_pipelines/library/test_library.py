@@ -281,7 +281,7 @@ def test_approving_changes_no_version_and_is_recorded_once(three):
 
 @pytest.mark.parametrize("reason", [Reason.RIM, Reason.UNTESTED])
 def test_a_set_in_doubt_is_not_approved_without_the_word(add, library, reason):
-    version = add(doubted(reason))
+    version = add(doubted(reason), accept_warnings=True)
     tyre = library.tyre(version.tyre)
     with pytest.raises(InputError, match="--accept-warnings"):
         tyre.approve(1, "Ada")
@@ -296,7 +296,7 @@ def test_notes_name_what_is_in_doubt(add, library):
     found = difference(NamedSet("a", replace(SET, basis=Basis("dead"))), NamedSet("b", later))
     assert any(note.startswith("b: verdict bad") for note in found.notes)
     assert any("dead load" in note and "follower" in note for note in found.notes)
-    series = pressure_series([add(), add(later)])
+    series = pressure_series([add(), add(later, accept_warnings=True)])
     assert any(note.startswith("Version 2: verdict bad") for note in series.notes)
     assert any("mixed" in note for note in series.notes)
 
