@@ -79,7 +79,8 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
     scale = 1.0
     if masses:
         mass = model.modal_mass_kg(ring, orders, pressure_load=how["load"])
-        scale = 1 + CALIBRATION * rng.standard_normal()
+        drawn = rng.standard_normal()
+        scale = 1 + CALIBRATION * (drawn if how["calibration"] is None else how["calibration"])
         tyre["modal_mass_kg"] = mass * scale * (1 + 0.001 * rng.standard_normal(mass.size))
         tyre["modal_mass_std_kg"] = 0.001 * mass
         if masses == "width":
@@ -127,10 +128,12 @@ SCENARIOS = {
     "5 orders": {"noise": 0.001, "orders": np.arange(1, 6)},
     "masses, width": {"noise": 0.001, "wrong": 1.0, "masses": "width"},
     "masses, no width": {"noise": 0.001, "wrong": 1.0, "masses": "alone"},
+    "masses too high": {"noise": 0.001, "masses": "alone", "calibration": 1.0},
+    "masses too low": {"noise": 0.001, "masses": "alone", "calibration": -1.0},
 }
 BASE = {"noise": 0.0, "wrong": 0.0, "form": 0.0, "order_1": 0.0, "masses": ""}
 BASE |= {"load": "dead", "orders": ORDERS, "torsion": False, "growth": False}
-BASE |= {"defaults": False}
+BASE |= {"defaults": False, "calibration": None}
 
 
 def coverage(name: str, n_tyres: int) -> None:

@@ -344,14 +344,20 @@ def loaded(found: responses.LoadedSweep, request: Request) -> None:
     static = {} if found.static is None else vars(found.static)
     _write(request, found.columns, {name: getattr(found, name) for name in names} | static)
     if not request.as_json:
-        deflection_mm = 1e3 * found.contact_deflection_m
-        echo(f"Deflection in the contact at {found.load_n.max():g} N: {deflection_mm:.2f} mm")
+        belt_mm = 1e3 * found.contact_deflection_m
+        echo(f"Deflection of the belt in the contact at {found.load_n.max():g} N: {belt_mm:.2f} mm")
+        if found.static is not None:
+            road_mm = 1e3 * float(found.static.deflection_m[np.argmax(found.load_n)])
+            tread_mm = road_mm - belt_mm
+            echo(
+                f"With {tread_mm:.2f} mm of the tread, the road is {road_mm:.2f} mm nearer the axle"
+            )
     if request.screen and found.static is not None:
         curve = {"load_n": found.load_n, "deflection_mm": 1e3 * found.static.deflection_m}
         curve |= {"patch_length_mm": 1e3 * found.static.patch_length_m}
         curve |= {"stiffness_n_mm": 1e-3 * found.static.stiffness_n_m}
         digits = {"deflection_mm": 2, "patch_length_mm": 1, "stiffness_n_mm": 1}
-        _print_rows("Deflection over load", curve, digits)
+        _print_rows("Deflection of belt and tread over load", curve, digits)
     if request.screen:
         shown = {name: found.columns[name] for name in list(found.columns)[:4]}
         _print_rows("Frequencies over load", shown, {"frequency_hz": 3})

@@ -283,8 +283,9 @@ def loaded(
 ) -> None:
     """Natural frequencies in Hz of the standing tyre on a flat road, over vertical load.
 
-    The tread holds the patch. With a free hub the pressure follows the belt. Without a stiffness
-    normal to the road a parabolic contact pressure is given and the patch vibrates freely.
+    The tread holds the patch, and its compression adds to the deflection of the belt. With a free
+    hub the pressure follows the belt. Without a stiffness normal to the road a parabolic contact
+    pressure is given and the patch vibrates freely.
 
     Example:
       ringmodal simulate loaded --load-n 0:4000:500 --figure loaded.svg
