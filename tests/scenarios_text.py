@@ -37,6 +37,15 @@ def _stamps(times):
     return _LINES[0] + "".join(f"{t},{row}" for t, row in zip(times, rows, strict=True))
 
 
+def _thousands(sign):
+    """The table with larger forces, printed as in Switzerland or by ISO 80000."""
+    rows = "".join(
+        f"{k / RATE_HZ:.4f};{f'{1e4 * force:,.1f}'.replace(',', sign)};{motion:.1f}\n"
+        for k, (force, motion) in enumerate(zip(FORCE, ACCELERATION, strict=True))
+    )
+    return "time [s];force [N];A01 [m/s^2]\n" + rows
+
+
 DIALECTS = (
     _csv("CR LF", _TABLE.replace("\n", "\r\n"), _AS_WRITTEN),
     _csv("CR only", _TABLE.replace("\n", "\r"), _AS_WRITTEN),
@@ -62,6 +71,15 @@ DIALECTS = (
     ),
     _csv("a preamble", "Lab 7, tyre 4711\nDate: 2026-03-04\n\n" + _TABLE, _AS_WRITTEN),
     _csv("comment lines", "# exported by hand\n# second line\n" + _TABLE, _AS_WRITTEN),
+    *(
+        _csv(f"thousands by {sign!r}", _thousands(sign), Read(first={"force": (1e4 * FORCE[0],)}))
+        for sign in ("'", "\u2019", " ", "\u00a0", "\u202f")
+    ),
+    _csv(
+        "numbers between blanks under one name",
+        "Force of run 3\n" + "".join(f"{101 + k} {201 + k}\n" for k in range(N)),
+        bad_file("a.csv", "2 cells below 4"),
+    ),
     _csv("blanks around the cells", _TABLE.replace(",", " , "), _AS_WRITTEN),
     _csv("a separator behind each row", _TABLE.replace("\n", ",\n"), _AS_WRITTEN),
     _csv(

@@ -12,6 +12,7 @@ from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, UNKNOWN, VELOC
 STANDARD_GRAVITY_M_S2 = 9.80665  # exact, CGPM 1901
 POUND_FORCE_N = 4.4482216152605  # exact, pound × standard gravity
 TIME, FREQUENCY = "time", "frequency"
+NAMES_KEPT = 1024  # names of channels, the same in all runs, that are understood once
 SI_UNIT = {ACCELERATION: "m/s^2", VELOCITY: "m/s", DISPLACEMENT: "m", FORCE: "N", VOLTAGE: "V"}
 
 _LENGTH_M = {
@@ -84,7 +85,7 @@ def _known_units() -> dict[str, Unit]:
     return table
 
 
-@lru_cache
+@lru_cache(NAMES_KEPT)
 def _normalise(text: str) -> str:
     for spelling, plain in _SPELLINGS.items():
         text = text.replace(spelling, plain)
@@ -129,6 +130,7 @@ _QUANTITY_IN_NAME = {
 _CLEAR_UNITS = {"kN", "daN", "mN", "lbf", "kgf", "mg", "Gal", "mm", "um", "mV"}
 
 
+@lru_cache(NAMES_KEPT)
 def unit_in_name(name: str, *, guess: bool = False) -> str:
     """Unit at the end of a name such as ``"acc_g"`` or ``"A01_m_s2"``; empty without one.
 

@@ -8,6 +8,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +17,11 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
-from ema.core.recording import ACCELERATION, FORCE, UNKNOWN, Channel, Recording
-from ema.core.units import TIME, is_stated, parse_axis, parse_unit, unit_in_name
+from ema.core.recording import UNKNOWN, Channel, Recording
+from ema.core.units import NAMES_KEPT, TIME, is_stated, parse_axis, parse_unit, unit_in_name
 from ema.io.content import (
     EXPORT_AGAIN,
     FileContent,
-    left_out,
     not_together,
     note,
     point_of,
@@ -29,6 +29,7 @@ from ema.io.content import (
     stated_windows,
 )
 from ema.io.rates import (
+    FASTEST_HZ,
     SAME_RATE,
     UNSTATED,
     Rate,
@@ -46,6 +47,7 @@ _TIME_NAMES = {
     *("elapsed time", "uhrzeit", "temps", "tid", "tiempo", "tempo"),
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
+_DATE_NAMES = {"date", "datum", "datetime", "date time", "date/time", "datum/zeit"}
 _SPECTRUM = re.compile(r"(?<![^\W_])(?:fft|psd|spectrum|spektrum)(?![^\W_])", re.IGNORECASE)
 # A unit of time or frequency behind a name: time_ms, Zeit in ms, TimeUs, omega_rad_s.
 _UNITS_BEHIND = tuple(
@@ -59,7 +61,6 @@ _UNITS_BEHIND = tuple(
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
-_SLOW_SHARE = 0.25  # of the longest channel, which slower ones beside it have at most
 _SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
 
 
@@ -75,6 +76,7 @@ class Column:
     matrix: str = ""  # that it is a column of
 
 
+@lru_cache(NAMES_KEPT)
 def name_and_unit(label: str) -> tuple[str, str]:
     """Split a heading such as ``"A01 [m/s^2]"``; the unit is empty where there is none."""
     match = _LABEL.match(label.strip())
@@ -87,6 +89,7 @@ def is_time(name: str, unit: str) -> bool:
     return name.lower() in _TIME_NAMES and _seconds(unit) is not None
 
 
+@lru_cache(NAMES_KEPT)
 def label_of_axis(name: str, unit: str = "") -> tuple[str, str]:
     """Name and unit of an axis, whose unit may be the end of its name, as in ``time_ms``."""
     for form in () if is_stated(unit) else _UNITS_BEHIND:
@@ -201,7 +204,9 @@ def _axes(
     ramps = {
         at: _seconds(column.unit) if named[at] else None
         for at, column in enumerate(columns)
-        if named[at] or (not parse_unit(column.unit) and _rises_evenly(column.samples))
+        if named[at]
+        or _is_date(column)
+        or (not parse_unit(column.unit) and _rises_evenly(column.samples))
     }
     for at, factor in ramps.items():
         ramps[at] = factor or _seconds_of_ramp(path, columns[at], rate, any(named), findings)
@@ -239,6 +244,10 @@ def _time_axis(
         remedy = "Look for dropped samples, or resample"
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, uneven(stamps), rule, remedy)
+    if rate.hz > FASTEST_HZ and not is_stated(column.unit):
+        rule = f"without a unit it is in s, which gives {rate.hz:.6g} Hz"
+        where, remedy = f"{path.name}, column {column.name!r}", "Write its unit, as in 'time [ms]'"
+        raise RecordingFormatError(where, f"times {stamps[1] - stamps[0]:.6g} apart", rule, remedy)
     return _Axis(column.name, rate, float(stamps[0]), len(stamps))
 
 
@@ -246,12 +255,18 @@ def _rises_evenly(samples: NDArray[Any]) -> bool:
     """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False
-    if (samples[1:_FIRST_ROWS] < samples[: _FIRST_ROWS - 1][: len(samples) - 1]).any():
+    first = np.array(samples[:_FIRST_ROWS], dtype=np.float64)
+    if (first[1:] < first[:-1]).any():
         return False
-    first = _filled(np.asarray(samples[:_FIRST_ROWS], dtype=np.float64))
+    first = _filled(first)
     if not (np.all(np.diff(first) >= 0) and first[-1] > first[0] and even_step(first)):
         return False
     return even_step(_filled(np.asarray(samples, dtype=np.float64))) is not None
+
+
+def _is_date(column: Column) -> bool:
+    """Whether a column is a date by its name, whatever counts it."""
+    return column.name.lower() in _DATE_NAMES and not is_stated(column.unit)
 
 
 def _filled(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -263,6 +278,14 @@ def _seconds_of_ramp(
     path: Path, column: Column, stated: Rate, has_time: bool, findings: list[Finding]
 ) -> float:
     """Seconds in the unit of a column that rises evenly; 0 for what is no time, with a finding."""
+    stamps = _filled(np.asarray(column.samples, dtype=np.float64))
+    steps = even_step(stamps)
+    if _is_date(column):
+        if steps is not None and count_of_dates(stamps)[0] and not has_time:
+            return 1.0  # of which the count is told from the size
+        detail = f"{column.name!r} is a date by its name and no sensor; left out"
+        findings.append(note(path, Check.IGNORED, detail))
+        return 0.0
     seconds = _seconds(column.unit)
     is_named = _TIME_WORD.search(column.name.lower()) is not None
     if not is_stated(column.unit) and (bare := _seconds(column.name)):
@@ -273,7 +296,6 @@ def _seconds_of_ramp(
         rule = "a column of time must be in s, ms, us, ns, min or h"
         where = f"{path.name}, column {column.name!r}"
         raise RecordingFormatError(where, f"unit {column.unit!r}", rule, EXPORT_AGAIN)
-    steps = even_step(_filled(np.asarray(column.samples, dtype=np.float64)))
     assert steps is not None
     rises = f"rises evenly by {steps.step:.6g} and is no sensor"
     rate = likeliest(
@@ -369,68 +391,3 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
     node, sense, axis, _ = point_of(name) or (None, 1, 0, "")
     scale = sense * factor
     return Channel(name, quantity, text, column.samples, scale_to_si=scale, node=node, axis=axis)
-
-
-def are_slow(lengths: Sequence[int], units: Sequence[str]) -> list[bool]:
-    """Which series are slow channels beside a recording; a force or an acceleration is none.
-
-    Those of the longest one's length are the recording, if there are at least two.
-    """
-    longest = max(lengths, default=0)
-    known = [parse_unit(unit) for unit in units]
-    wanted = [unit is not None and unit.quantity in (FORCE, ACCELERATION) for unit in known]
-    is_recording = list(lengths).count(longest) > 1
-    return [
-        is_recording and n <= _SLOW_SHARE * longest and not is_wanted
-        for n, is_wanted in zip(lengths, wanted, strict=True)
-    ]
-
-
-def without_complex(
-    path: Path, columns: Sequence[Column]
-) -> tuple[list[Column], tuple[Finding, ...]]:
-    """Columns of real numbers, and findings about others: complex ones need frequencies."""
-    complex_ones = [each.name for each in columns if each.samples.dtype.kind == "c"]
-    reason = "complex numbers without a vector of frequencies"
-    real = [each for each in columns if each.samples.dtype.kind != "c"]
-    if not real and complex_ones:
-        rule = "FRFs need their frequencies, in a vector such as frequency"
-        found = f"{', '.join(complex_ones)} (complex numbers)"
-        raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
-    return real, left_out(path, dict.fromkeys(complex_ones, reason))
-
-
-def matrix_columns(
-    where: str, matrix: NDArray[Any], names: Sequence[str], units: Sequence[str]
-) -> list[Column]:
-    """Split a matrix, (n_samples, n_channels) or the other way round, into its channels.
-
-    Names may have the unit in square brackets. Their number shows which side counts the channels;
-    without names, the shorter one does. `units` are one for each channel, one for all, or none.
-    """
-    rows, columns = matrix.shape
-    n_channels = len(names) or min(rows, columns)
-    if rows == columns or n_channels not in (rows, columns):
-        found = f"a matrix of {rows} × {columns} and {len(names)} names"
-        rule = "one side must be the samples, the other the channels, with a name for each channel"
-        raise RecordingFormatError(where, found, rule, "Give as many names as channels")
-    signals = matrix.T if columns == n_channels else matrix
-    labels = names or [f"channel {number}" for number in range(1, n_channels + 1)]
-    columns = []
-    for label, unit, samples in zip(
-        labels, unit_of_each(where, n_channels, units), signals, strict=True
-    ):
-        name, own = name_and_unit(label)
-        matrix_name = where.rpartition(", ")[2].rpartition("/")[2]
-        columns.append(Column(name, unit or own, samples, matrix=matrix_name))
-    return columns
-
-
-def unit_of_each(where: str, n_channels: int, units: Sequence[str]) -> list[str]:
-    """Unit of each channel, from a list of as many, of one for all, or of none."""
-    if len(units) not in (0, 1, n_channels):
-        found = f"{len(units)} units for {n_channels} channels"
-        rule = "there must be one unit for each channel, or one for all"
-        raise RecordingFormatError(where, found, rule, "Correct the list of units")
-    stated = [unit.strip() for unit in units] or [""]
-    return stated if len(stated) == n_channels else stated * n_channels

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -22,7 +23,7 @@ from ema.core.errors import InputError, RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.recording import Recording
-from ema.core.units import amount, parse_axis
+from ema.core.units import NAMES_KEPT, amount, parse_axis
 
 EXPORT_AGAIN = "Correct the file or export it again"
 COPY_AGAIN = "Copy or export it again"
@@ -156,7 +157,7 @@ def refuse_result(path: Path, names: Iterable[str]) -> None:
 def not_together(path: Path, found: str) -> RecordingFormatError:
     """The error about channels of one file that differ in length, rate or time."""
     rule = "channels of one run must be sampled together, at one rate and equally long"
-    remedy = "Export them together, or in separate files"
+    remedy = "Export them at one rate, without those that are not needed"
     return RecordingFormatError(path.name, found, rule, remedy)
 
 
@@ -245,6 +246,7 @@ class Point(NamedTuple):
 NOWHERE = Point(0, 1, 0)
 
 
+@lru_cache(NAMES_KEPT)
 def point_of(name: str) -> Point | None:
     """Point of an id such as ``"Tire:13:+Z"``; None for other names."""
     match = _POINT.fullmatch(name.strip()) if len(name) <= _LONGEST_POINT else None

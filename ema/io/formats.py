@@ -101,7 +101,13 @@ def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
         inside = csv
     if inside is module or (module is matlab and inside is hdf5):
         inside = None
-    content = _read(path, inside or module, headers_only=headers_only)
+    try:
+        content = _read(path, inside or module, headers_only=headers_only)
+    except RecordingFormatError as fault:
+        if inside is None:
+            raise
+        where = f"{fault.where}, by its content {inside.SUFFIXES[0]}"
+        raise RecordingFormatError(where, fault.found, fault.rule, fault.remedy) from fault
     if inside is None:
         return content
     detail = f"by its content it is of the kind {inside.SUFFIXES[0]}, and read as that"

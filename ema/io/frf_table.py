@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
@@ -18,7 +18,7 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, is_time, label_of_axis
-from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, point_of
+from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, point_of, stated_windows
 from ema.io.rates import even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
@@ -51,6 +51,10 @@ class _Part(Enum):
 _PARTS = {
     part: re.compile(rf"(?<![^\W_])(?:{part.value})(?![^\W_])", re.IGNORECASE) for part in _Part
 }
+# Of a conjugate FRF, or of a part with the other sign; "H1 - imag" and "H1-imag" have a dash.
+_SIGN_AHEAD = re.compile(
+    r"(?:^|[\s(\[])[-\u2212]$|(?<![^\W_])(?:neg\w*|minus|conj\w*)(?![^\W_])", re.I
+)
 _PAIRS = ((_Part.REAL, _Part.IMAGINARY), (_Part.MAGNITUDE, _Part.PHASE))
 
 
@@ -142,8 +146,15 @@ class _Parts:
         return (decibel["unit"] or "") if decibel else text
 
 
-def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Finding]) -> FileContent:
+def frf_content(
+    path: Path,
+    columns: Sequence[Column],
+    findings: Sequence[Finding],
+    statements: Mapping[str, object],
+) -> FileContent:
     """FRFs as inertance; their names are what the headings of their columns have in common.
+
+    `statements` are entries of headers, which may name windows and triggers.
 
     `RecordingFormatError` if frequencies are uneven, an FRF lacks its phase or its other part, a
     column belongs to none, or a unit is not stated.
@@ -173,8 +184,9 @@ def frf_content(path: Path, columns: Sequence[Column], findings: Sequence[Findin
     )
     without = tuple(row for row, each in enumerate(grouped) if not is_stated(each.unit))
     of_forces = tuple((force.node, force.axis) for force in forces) if known else ()
-    found = FileContent(path, None, frf, tuple(names), of_forces, tuple(noticed))
-    return replace(found, frf_without_unit=without)
+    windows, ignored = stated_windows(path, statements)
+    found = FileContent(path, None, frf, tuple(names), of_forces, (*noticed, *ignored))
+    return replace(found, frf_without_unit=without, windows=windows)
 
 
 def _points(path: Path, names: Sequence[str]) -> tuple[list[Point], list[Point]]:
@@ -236,6 +248,10 @@ def _part_and_name(path: Path, column: Column) -> tuple[_Part, str]:
         remedy = "Call it by its FRF and real, imag, magnitude, phase or coherence: 'H1 real'"
         raise _fault(path, column.name, "no such part", rule, remedy)
     part, match = matches[0]
+    if _SIGN_AHEAD.search(column.name[: match.start()]):
+        rule = "the part may have the other sign, or a dash is between two names"
+        remedy = f"Call it 'H1 {match[0]}' and give it the values of that part"
+        raise _fault(path, column.name, "a sign in front of a part", rule, remedy)
     before = column.name[: match.start()].rstrip(_SEPARATORS)
     return part, f"{before} {column.name[match.end() :].strip(_SEPARATORS)}".strip()
 

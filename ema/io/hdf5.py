@@ -18,15 +18,8 @@ from ema.core.errors import RecordingFormatError
 from ema.core.files import mapped
 from ema.core.finding import Check, Finding
 from ema.io import content
-from ema.io.columns import (
-    Column,
-    are_slow,
-    content_of_columns,
-    is_time,
-    matrix_columns,
-    name_and_unit,
-    without_complex,
-)
+from ema.io.arrays import are_slow, matrix_columns, without_complex
+from ema.io.columns import Column, content_of_columns, is_time, name_and_unit
 from ema.io.content import COPY_AGAIN, FileContent, check_expansion, check_stored, reading, require
 from ema.io.frf_table import frf_content, with_frequency_first
 from ema.io.rates import stated_rate, stated_start_s, states_rate
@@ -77,7 +70,7 @@ def read(path: Path) -> FileContent:
     columns = [column for array in ordered for column in _columns(path, _scaled(path, array))]
     findings = (*content.left_out(path, skipped), *_not_applied(path, series))
     if (of_frfs := with_frequency_first(path, columns)) is not None:
-        return frf_content(path, of_frfs, findings)
+        return frf_content(path, of_frfs, findings, stated)
     columns, more = without_complex(path, columns)
     findings += more
     rate = stated_rate(path, stated)

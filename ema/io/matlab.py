@@ -14,16 +14,8 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, AxisUnit, parse_axis
-from ema.io.columns import (
-    Column,
-    are_slow,
-    content_of_columns,
-    is_time,
-    label_of_axis,
-    matrix_columns,
-    unit_of_each,
-    without_complex,
-)
+from ema.io.arrays import are_slow, matrix_columns, unit_of_each, without_complex
+from ema.io.columns import Column, content_of_columns, is_time, label_of_axis
 from ema.io.content import FileContent, left_out, states_treatment
 from ema.io.frf_table import (
     are_lines,
@@ -109,7 +101,7 @@ def read(path: Path) -> FileContent:
     columns = _columns(path, found)
     findings = left_out(path, found.left_out)
     if (of_frfs := with_frequency_first(path, columns)) is not None:
-        return frf_content(path, of_frfs, findings)
+        return frf_content(path, of_frfs, findings, found.treatment)
     columns, more = without_complex(path, columns)
     findings += more
     rate = stated_rate(path, found.rates)
@@ -170,7 +162,7 @@ def _of_functions(path: Path, structs: Mapping[str, Any], others: Sequence[str])
         columns += [replace(row, name=_KIND.sub("", row.name) + part) for row in each.columns]
     ordered = with_frequency_first(path, columns)
     assert ordered is not None
-    return frf_content(path, ordered, findings)
+    return frf_content(path, ordered, findings, _flat(structs))
 
 
 def _is_coherence(struct: Mapping[str, Any]) -> bool:

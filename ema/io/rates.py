@@ -41,11 +41,13 @@ _FEWEST_DIGITS = 3  # significant ones
 _COUNTS = {
     "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
     "days as datenum has them": (715_000.0, 760_000.0, 86_400.0),
+    "parts of a day": (0.0, 1.0, 86_400.0),
     "ms since 1970": (0.5e12, 5e12, 1e-3),
     "us since 1970": (0.5e15, 5e15, 1e-6),
     "ns since 1970": (0.5e18, 5e18, 1e-9),
 }
 _MOST_STEP_S = 0.05  # slower recordings have no day in which they are a number of seconds
+FASTEST_HZ = 5e5  # no vibration is recorded faster: such a time has another unit
 
 
 def _hardware_rates() -> NDArray[np.float64]:
@@ -308,9 +310,16 @@ def count_of_dates(stamps: NDArray[np.float64]) -> tuple[str, float]:
     """What numbers without a unit count if they are date and time, and its seconds; else empty."""
     step = (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
     for count, (low, high, seconds) in _COUNTS.items():
-        if low <= stamps[0] < high and 0.0 < step * seconds < _MOST_STEP_S:
+        is_fine = 0.0 < step * seconds < _MOST_STEP_S
+        if low <= stamps[0] < high and is_fine and (low or _is_usual(1.0 / (step * seconds))):
             return count, seconds
     return "", 1.0
+
+
+def _is_usual(hz: float) -> bool:
+    """Whether acquisition hardware has a rate."""
+    known = np.concatenate([_HARDWARE, _SELDOM])
+    return bool(np.min(np.abs(known - hz)) <= SAME_RATE * hz)
 
 
 def uneven(stamps: NDArray[np.float64], unit: str = "s") -> str:

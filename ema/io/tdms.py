@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.core.recording import ACCELERATION, FORCE
-from ema.core.units import TIME, AxisUnit, is_stated, parse_axis, parse_unit
+from ema.core.units import FREQUENCY, TIME, AxisUnit, is_stated, parse_axis, parse_unit
 from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, note, reading, remark, require
 from ema.io.rates import stated_rate
@@ -43,15 +43,15 @@ def read(path: Path) -> FileContent:
         channels = [channel for group in tdms.groups() for channel in group.channels()]
         for item in (tdms, *tdms.groups(), *channels):
             _check_scales(path, item.properties)
-        usable = [each for each in channels if len(each) > 0 and each.dtype.kind in "iuf"]
+        usable = [each for each in channels if len(each) > 0 and each.dtype.kind in "iufM"]
         usable = _over_time(path, usable)
         wanted = _fastest(usable)
         samples = _samples(path, tdms, wanted)
         starts_s = _starts_s(wanted)
         statements = {
-            f"{channel.group_name}/{channel.name}/wf_increment": channel.properties["wf_increment"]
+            f"{channel.group_name}/{channel.name}/wf_increment": step_s
             for channel in wanted
-            if channel.properties.get("wf_increment")  # LabVIEW writes 0 where it knows none
+            if math.isfinite(step_s := _step_s(channel))
         }
         properties = {
             f"{place}/{name}": value
@@ -65,7 +65,7 @@ def read(path: Path) -> FileContent:
     ]
     if slower := [each for each in usable if each not in wanted]:
         names = ", ".join(f"{each.group_name}/{each.name}" for each in slower)
-        detail = f"{names}: slower than the other channels, left out"
+        detail = f"{names}: slower than the other channels, or without a rate: left out"
         findings.append(note(path, Check.CONTENT, detail))
     rate = stated_rate(path, statements)
     columns = list(map(_column, wanted, samples, starts_s))
@@ -139,22 +139,30 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
     return arrays
 
 
+def _axis_of(channel: TdmsChannel) -> AxisUnit | None:
+    """Kind of a channel's axis by its unit or its name, and its factor; None where not known."""
+    unit, name = (str(channel.properties.get(key, "")) for key in ("wf_xunit_string", "wf_xname"))
+    axis = parse_axis(unit) if is_stated(unit) else parse_axis(name) or AxisUnit(TIME, 1.0)
+    return AxisUnit(FREQUENCY, 1.0) if axis and "freq" in name.lower() else axis
+
+
+def _step_s(channel: TdmsChannel) -> float:
+    """Time step of a channel; infinite where it has none: LabVIEW then writes 0."""
+    axis = _axis_of(channel) or AxisUnit(TIME, 1.0)
+    return float(channel.properties.get("wf_increment") or math.inf) * axis.factor
+
+
 def _over_time(path: Path, channels: list[TdmsChannel]) -> list[TdmsChannel]:
-    """Channels over time in s; an axis is known by its unit, or its name."""
-    over_time = []
-    for channel in channels:
-        stated = [str(channel.properties.get(key, "")) for key in ("wf_xunit_string", "wf_xname")]
-        units = [parse_axis(each) for each in stated if is_stated(each)]
-        unit = next((each for each in units if each is not None), AxisUnit(TIME, 1.0))
-        if unit.kind == TIME and unit.factor != 1.0:
-            rule, remedy = "wf_increment must be in s", "Export the channels over s"
-            where = f"{path.name}, {channel.path}"
-            raise RecordingFormatError(where, f"wf_xunit_string {stated[0]!r}", rule, remedy)
-        if unit.kind == TIME and "freq" not in stated[1].lower():
-            over_time.append(channel)
+    """Channels whose axis is time; others are over frequency, an angle or orders."""
+    axes = [_axis_of(channel) for channel in channels]
+    known = zip(channels, axes, strict=True)
+    over_time = [channel for channel, axis in known if axis and axis.kind == TIME]
     if channels and not over_time:
-        rule, remedy = "time series are read from TDMS", "Export FRFs as universal file or table"
-        raise RecordingFormatError(path.name, "channels over frequency", rule, remedy)
+        rule = "time series are read from TDMS"
+        remedy = "Export channels over time, and FRFs as universal file or table"
+        units = {str(each.properties.get("wf_xunit_string", "Hz")) for each in channels}
+        found = f"channels over {', '.join(sorted(units))}"
+        raise RecordingFormatError(path.name, found, rule, remedy)
     return over_time
 
 
@@ -163,7 +171,7 @@ def _fastest(channels: list[TdmsChannel]) -> list[TdmsChannel]:
 
     A force or acceleration that has no copy at that rate stays: its other rate is an error.
     """
-    steps = [channel.properties.get("wf_increment") or math.inf for channel in channels]
+    steps = list(map(_step_s, channels))
     fast = [each for each, step in zip(channels, steps, strict=True) if step == min(steps)]
     names = {channel.name for channel in fast}
     slow = [each for each in channels if each not in fast and each.name not in names]
@@ -181,11 +189,14 @@ def _starts_s(channels: list[TdmsChannel]) -> list[float]:
         since = 0.0
         if first is not None and start is not None:
             since = float((np.datetime64(start) - np.datetime64(first)) / np.timedelta64(1, "s"))
-        found.append(since + float(channel.properties.get("wf_start_offset") or 0.0))
+        axis = _axis_of(channel) or AxisUnit(TIME, 1.0)
+        found.append(since + float(channel.properties.get("wf_start_offset") or 0.0) * axis.factor)
     return found
 
 
 def _column(channel: TdmsChannel, samples: NDArray[Any], start_s: float) -> Column:
+    if samples.dtype.kind == "M":  # time since the first stamp, exact for any date
+        return Column("time", "s", (samples - samples[:1]) / np.timedelta64(1, "s"))
     name, unit = name_and_unit(channel.name)
     stated = next((channel.properties[key] for key in _UNITS if key in channel.properties), "")
     return Column(

@@ -57,11 +57,13 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     if not has_frequency(columns) and not any(is_time(each.name, each.unit) for each in columns):
         columns = columns[-1:] + columns[:-1] if has_frequency(columns[-1:]) else columns
     if has_frequency(columns):
-        return frf_content(path, columns, findings)
+        return frf_content(path, columns, findings, layout.statements)
     refuse_other_lines(path, columns)
     if sum(is_time(each.name, each.unit) for each in columns) > 1:
         columns = [replace(each, start_s=0.0) for each in columns]  # each time shows its start
-    return content_of_columns(path, columns, rate=layout.rate, findings=findings)
+    return content_of_columns(
+        path, columns, rate=layout.rate, findings=findings, statements=layout.statements
+    )
 
 
 def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:

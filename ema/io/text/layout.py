@@ -2,38 +2,37 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
-from pathlib import Path
 
 from ema.core.errors import RecordingFormatError
-from ema.core.units import FREQUENCY, TIME, is_stated, parse_axis
+from ema.core.units import is_stated
 from ema.io.columns import is_time
-from ema.io.content import EXPORT_AGAIN, not_together
-from ema.io.rates import UNSTATED, Rate, exact_rate, is_possible, rate_of_step
+from ema.io.content import EXPORT_AGAIN
+from ema.io.rates import UNSTATED, Rate
+from ema.io.text.preamble import Preamble, stated_rate
 from ema.io.text.source import (
     BLANKS,
-    CLOCK,
     COMPLEX,
     COMPLEX_REMEDY,
     COMPLEX_RULE,
-    DATE,
     MISSING,
     NOT_A_NUMBER,
     THOUSANDS,
+    Dialect,
     Line,
     TextSource,
     cells_of,
     heading_cells,
     holds_numbers_alone,
+    is_clock,
+    is_date,
     is_known_unit,
     is_number,
     label,
     lines_of,
-    starts_of,
 )
 
 _MOST_PREAMBLE = 200  # lines
@@ -41,42 +40,6 @@ _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
 _SEPARATORS = ("\t", ";", ",", "|")
-_RATE = (
-    r"(?:sampl\w*|data|scan)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|frequenz)|fs|f_s|"
-    r"samples[\s_-]*(?:per|/)[\s_-]*s(?:ec\w*)?"
-)
-_STEP = (
-    r"dt|delta[\s_-]*[tx]|abtast(?:intervall|zeit|schritt)|"
-    r"(?:sampl\w*|scan|time)[\s_-]*(?:interval|period|step|increment|spacing)"
-)
-_STATEMENT = re.compile(
-    rf"[\s#%!/;'\"*]*(?:(?P<rate>{_RATE})|(?P<step>{_STEP}))\s*(?:[\[(](?P<unit>[^\])]*)[\])])?"
-    r"[\s\"]*[:=;,|\s][\s:=\"]*(?P<value>[0-9](?:[0-9.,]*[0-9])?\.?(?:e[+-]?[0-9]+)?)"
-    r"(?:[\s;,|\"]*[\[(]?(?P<behind>[a-zµμ]+(?:/s)?|\b1/s)[\])]?)?[\s;,|\"]*",
-    re.IGNORECASE,
-)
-_PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 512 Hz, …``
-_SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
-# Rows above a table with a value for each column, as LabVIEW writes them.
-_ROW_OF_STARTS = re.compile(
-    r"[xt]_?0|wf_start_offset|start[\s_-]*(?:time|value|offset)|(?:time|zeit)[\s_-]*offset|"
-    r"startzeit|abscissa[\s_-]*min\w*",
-    re.IGNORECASE,
-)
-_ROW_OF_CLOCKS = re.compile("time|uhrzeit", re.IGNORECASE)
-_ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
-_ROW_OF_UNITS = re.compile(
-    r"(?:(?:y|vertical)[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
-)
-_LONGEST = 200
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """How a table is written: a blank as separator means any run of blanks and tabs."""
-
-    separator: str
-    decimal: str  # point or comma
 
 
 @dataclass(frozen=True)
@@ -94,6 +57,7 @@ class Layout:
     either_decimal: bool = False  # whether the first rows, integers, leave the decimal sign open
     rate: Rate = UNSTATED  # stated above the table
     starts_s: tuple[float, ...] = ()  # of the columns, where a row above the table states them
+    statements: Mapping[str, str] = field(default_factory=dict)  # of all lines above the table
 
     @property
     def width(self) -> int:
@@ -189,12 +153,12 @@ def _dialects(lines: Sequence[Line], separators: Sequence[str]) -> Iterator[Dial
 
 def _row(line: Line, dialect: Dialect) -> _Row:
     cells = cells_of(line.text, dialect.separator)
-    filled = numbers = texts = 0
+    filled, numbers, texts, is_only = 0, 0, 0, len(cells) == 1
     for index, cell in enumerate(cells, 1):
         filled = index if cell else filled
-        if is_number(cell, dialect.decimal) or cell.lower() in NOT_A_NUMBER:
+        if is_number(cell, dialect.decimal, is_only=is_only) or cell.lower() in NOT_A_NUMBER:
             numbers += 1
-        elif cell.lower() not in MISSING and not (CLOCK.fullmatch(cell) or DATE.fullmatch(cell)):
+        elif cell.lower() not in MISSING and not (is_clock(cell) or is_date(cell)):
             texts += 1
     return _Row(line, dialect.separator, len(cells), filled, numbers, texts)
 
@@ -301,9 +265,8 @@ def _layout(
     labels = [label(cell) for cell in _heading(table, table.names)]
     cells = cells_of(first.text, dialect.separator)
     other = replace(dialect, decimal="," if dialect.decimal == "." else ".")
-    above = lines[: lines.index(table.names)]
-    _, units_above = _row_above(where, above, _ROW_OF_UNITS, table, labels)
-    stated = zip(labels, _heading(table, table.units), units_above, strict=True)
+    above = Preamble(where, lines[: lines.index(table.names)], dialect, labels)
+    stated = zip(labels, _heading(table, table.units), above.units, strict=True)
     return Layout(
         dialect=dialect,
         names=tuple(name for name, _ in labels),
@@ -313,64 +276,14 @@ def _layout(
         ),
         first_line=first.number,
         start=first.start,
-        clocks=frozenset(index for index, cell in enumerate(cells) if CLOCK.fullmatch(cell)),
-        dates=frozenset(index for index, cell in enumerate(cells) if DATE.fullmatch(cell)),
+        clocks=frozenset(index for index, cell in enumerate(cells) if is_clock(cell)),
+        dates=frozenset(index for index, cell in enumerate(cells) if is_date(cell)),
         filled=max(each.filled for each in table.rows),
         either_decimal=any(t and t.dialect == other and t.rank == table.rank for t in tables),
-        rate=_rate_above(where, above, table, labels),
-        starts_s=_starts_above(where, above, table, labels),
+        rate=above.rate,
+        starts_s=above.starts_s,
+        statements=above.statements,
     )
-
-
-def _row_above(
-    where: str,
-    lines: Sequence[Line],
-    form: re.Pattern[str],
-    table: _Table,
-    labels: Sequence[tuple[str, str]],
-) -> tuple[Line | None, list[str]]:
-    """The last row above the names with a value for each column, and these values.
-
-    Its key stands above the time where the table has one. One value holds for all columns.
-    """
-    width, missing = len(labels), [""] * len(labels)
-    for line in reversed(lines):
-        key, *values = heading_cells(line.text, table.dialect.separator, width)
-        while values and not values[-1]:
-            values.pop()
-        if not values or not form.fullmatch(key.rstrip(": ")):
-            continue
-        if len(values) == 1:
-            return line, values * width
-        is_key_above_time = len(values) < width and (not labels[0][0] or is_time(*labels[0]))
-        cells = ["", *values] if is_key_above_time else values
-        if len(cells) <= width:
-            return line, [*cells, *missing][:width]
-        if form in (_ROW_OF_STARTS, _ROW_OF_STEPS):
-            found = f"{len(values)} values of {key!r} above {width} columns"
-            rule = "a row of starts or steps must have a value for each channel"
-            raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
-    return None, missing
-
-
-def _starts_above(
-    where: str, lines: Sequence[Line], table: _Table, labels: Sequence[tuple[str, str]]
-) -> tuple[float, ...]:
-    """Starts of the columns by a row such as ``X0,0,0.03125``; empty where they are the same."""
-    line, values = _row_above(where, lines, _ROW_OF_STARTS, table, labels)
-    if line is None:
-        line, values = _row_above(where, lines, _ROW_OF_CLOCKS, table, labels)
-        values = values if any(":" in each for each in values) else []
-    first = next((each for each in values if each), "")
-    values = [each or first for each in values]
-    if line is None or len(set(values)) < 2:
-        return ()
-    try:
-        return tuple(starts_of(values, table.dialect.decimal))
-    except ValueError as error:
-        rule = "starts of channels must be numbers of seconds or times of day"
-        place = f"{where}, line {line.number}"
-        raise RecordingFormatError(place, str(error), rule, EXPORT_AGAIN) from error
 
 
 def _check_commas(where: str, table: _Table) -> None:
@@ -389,60 +302,3 @@ def _heading(table: _Table, line: Line | None) -> list[str]:
     width = table.rows[0].width
     cells = heading_cells(line.text, table.dialect.separator, width) if line else []
     return [*cells, *[""] * width][:width]
-
-
-def _rate_above(
-    where: str, lines: Sequence[Line], table: _Table, labels: Sequence[tuple[str, str]]
-) -> Rate:
-    """The sampling rate that lines above the table state."""
-    rate, first = UNSTATED, 0
-    of_columns, steps = _row_above(where, lines, _ROW_OF_STEPS, table, labels)
-    steps = sorted({each for each in steps if each})
-    if of_columns is not None and len(steps) > 1:
-        raise not_together(Path(where), f"steps {', '.join(steps)} in line {of_columns.number}")
-    if of_columns is not None and steps:
-        rate = stated_rate(f"dt = {steps[0]}", table.dialect.decimal) or UNSTATED
-        first = of_columns.number if rate is not UNSTATED else 0
-    for line in lines:
-        parts = (line.text, *(each for each in _PARTS.split(line.text) if "=" in each))
-        found_in = (stated_rate(part, table.dialect.decimal) for part in parts)
-        stated = next((each for each in found_in if each is not None), None)
-        if stated is not None and first and not (stated.allows(rate.hz) or rate.allows(stated.hz)):
-            found = f"{stated.hz:g} Hz, and {rate.hz:g} Hz in line {first}"
-            rule = "a recording has one sampling rate"
-            raise RecordingFormatError(f"{where}, line {line.number}", found, rule, EXPORT_AGAIN)
-        if stated is not None and (not first or not stated.is_open):
-            rate, first = stated, line.number
-    return rate
-
-
-def stated_rate(line: str, decimal: str) -> Rate | None:
-    """Sampling rate that a line such as ``Sampling rate [Hz]; 2000`` or ``dt = 0.0005`` states.
-
-    `decimal` is the decimal sign of the table. The other one is understood too, unless it may as
-    well separate thousands. None where the line states no rate, or not clearly.
-    """
-    match = _STATEMENT.fullmatch(line) if len(line) <= _LONGEST else None
-    if match is None:
-        return None
-    value = match["value"].replace(",", ".")
-    other = "," if decimal == "." else "."
-    if value.count(".") > 1 or (other in match["value"] and THOUSANDS.fullmatch(match["value"])):
-        return None
-    unit = (match["unit"] or match["behind"] or "").strip()
-    if unit.lower() in _SAMPLES_PER_SECOND:
-        factor: float | None = _SAMPLES_PER_SECOND[unit.lower()]
-    elif not unit:
-        factor = 1.0
-    else:
-        axis = parse_axis(unit)
-        kind = FREQUENCY if match["rate"] else TIME
-        factor = axis.factor if axis is not None and axis.kind == kind else None
-    try:
-        if factor is None or not is_possible(float(value) * factor):
-            return None
-        if match["step"]:
-            return rate_of_step(value, match["step"].strip(), factor)
-        return exact_rate(float(value) * factor, match["rate"].strip())
-    except ValueError:
-        return None

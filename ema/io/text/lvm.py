@@ -19,8 +19,8 @@ from ema.core.units import parse_unit
 from ema.io.columns import Column, content_of_columns
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, entries, note, remark
 from ema.io.rates import UNSTATED, Rate, rate_of_step
-from ema.io.text.layout import Dialect, Layout
-from ema.io.text.source import open_text, starts_of
+from ema.io.text.layout import Layout
+from ema.io.text.source import Dialect, open_text, starts_of
 from ema.io.text.table import missing_samples, read_cells
 
 SUFFIXES = (".lvm",)

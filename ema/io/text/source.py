@@ -175,18 +175,28 @@ def _last_line(text: str, start: int, end: int) -> str:
     return line if line.count('"') % 2 else ""
 
 
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written: a blank as separator means any run of blanks and tabs."""
+
+    separator: str
+    decimal: str  # point or comma
+
+
 BLANKS = " "  # as a separator: any run of blanks and tabs
 
-# A sign that separates thousands counts only before a decimal sign: 1.234,56 or 1,234.56.
+# A point or comma that separates thousands counts only before a decimal sign: 1.234,56 or
+# 1,234.56; an apostrophe or a blank always: 1'234.5 (Switzerland), 1 234,5 (ISO 80000).
 _NUMBER = {
     decimal: re.compile(
         rf"[+-]?(?:[0-9]+(?:{sign}[0-9]*)?|{sign}[0-9]+)(?:[eEdD][+-]?[0-9]+)?"
         rf"|[+-]?[1-9][0-9]{{0,2}}(?:{thousands}[0-9]{{3}})+{sign}[0-9]+"
+        rf"|[+-]?[1-9][0-9]{{0,2}}(?:(?:['\u2019][0-9]{{3}})+|(?: [0-9]{{3}})+)(?:{sign}[0-9]*)?"
     )
     for decimal, sign, thousands in ((".", r"\.", ","), (",", ",", r"\."))
 }
 # A minus sign and blanks as word processors set them.
-TYPESET = {"\u2212": "-", "\u00a0": " ", "\u202f": " "}
+TYPESET = {"\u2212": "-", "\u00a0": " ", "\u202f": " ", "\u2009": " "}
 _TYPESET = {ord(sign): plain for sign, plain in TYPESET.items()}
 # Cells, in lower case, that cannot be mistaken for a name, and all that mark a missing sample.
 NOT_A_NUMBER = frozenset(("nan", "-nan", "+nan", "1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"))
@@ -195,6 +205,7 @@ MISSING |= {"inf", "-inf", "+inf", "infinity", "-infinity", "1.#inf", "-1.#inf"}
 MISSING |= {"#n/a", "#nv", "#num!", "#wert!", "#value!", "#div/0!", "#ref!"}  # of spreadsheets
 _DATE = r"[0-9]{4}[-/.][0-9]{2}[-/.][0-9]{2}|[0-9]{1,2}[-/.][0-9]{1,2}[-/.](?:[0-9]{4}|[0-9]{2})"
 DATE = re.compile(_DATE)
+_LONGEST_DATE = 10  # characters
 _MONTH = r"[A-Za-zÀ-ÿ]{3,9}\.?"
 _LONG_DATE = (
     rf"{_DATE}|[0-9]{{8}}|[0-9]{{1,5}} days?|[0-9]{{1,2}}\.?[- ]{_MONTH}[- ][0-9]{{2,4}}"
@@ -255,9 +266,22 @@ def _seconds_of_day(text: str) -> float:
     return 3600.0 * int(match[1]) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
 
 
-def is_number(cell: str, decimal: str) -> bool:
-    """Whether a cell is a number with this decimal sign."""
-    return _NUMBER[decimal].fullmatch(cell) is not None
+def is_number(cell: str, decimal: str, *, is_only: bool = False) -> bool:
+    """Whether a cell is a number with this decimal sign.
+
+    If it `is_only` one in its row, a blank may separate columns, and no thousands.
+    """
+    return _NUMBER[decimal].fullmatch(cell) is not None and not (is_only and " " in cell)
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell is a time of day or since a start, perhaps with a date."""
+    return ":" in cell and CLOCK.fullmatch(cell) is not None  # far faster on numbers
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell is a date alone."""
+    return len(cell) <= _LONGEST_DATE and DATE.fullmatch(cell) is not None
 
 
 def holds_numbers_alone(line: str) -> bool:

@@ -23,7 +23,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding
 from ema.io.columns import is_time
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, arrow_reader, note, remark
-from ema.io.text.layout import Dialect, Layout
+from ema.io.text.layout import Layout
 from ema.io.text.source import (
     BLANKS,
     CLOCK,
@@ -32,8 +32,10 @@ from ema.io.text.source import (
     COMPLEX_RULE,
     MISSING,
     TYPESET,
+    Dialect,
     TextSource,
     cells_of,
+    is_clock,
     is_number,
 )
 
@@ -56,6 +58,7 @@ _TAIL_ROWS = 8  # with which the last one is compared
 # What lines of text below the numbers begin with.
 _TEXT_BELOW = re.compile(r"[^\W\d_]|[#*%/!=<\[]|[-+_]{3}")
 _DECIMAL = {".": "point", ",": "comma"}
+_THOUSANDS = {".": re.compile(r"[,'\u2019 ]"), ",": re.compile(r"[.'\u2019 ]")}
 
 
 def read_cells(
@@ -132,7 +135,7 @@ class _Reader:
     """State of reading: lines and rows read, decimal sign, columns so far."""
 
     def __init__(self, where: str, layout: Layout, wanted: Sequence[int], encoding: str) -> None:
-        self._where, self._layout = where, layout
+        self._where, self._layout, self._encoding = where, layout, encoding
         self.columns = {index: Cells() for index in wanted}
         self._decimal_is_open = layout.either_decimal
         self._line, self.n_rows = layout.first_line, 0
@@ -235,7 +238,7 @@ class _Reader:
         separator = self._layout.dialect.separator
         plain = bytearray()
         for number, raw in enumerate(io.BytesIO(section), self._line):
-            line = raw.decode("utf-8", errors="replace").rstrip("\r\n")
+            line = raw.decode(self._encoding, errors="replace").rstrip("\r\n")
             if not line.strip() and self._layout.width > 1:
                 continue
             cells = cells_of(line, separator)
@@ -259,13 +262,12 @@ class _Reader:
         for index in self.columns:
             cell = cells[index]
             if index in self._layout.clocks:
-                if not CLOCK.fullmatch(cell):
+                if not is_clock(cell):
                     found = repr(cell[:40]) if cell else "no time"
                     raise self._fault(number, found, _STAMP_RULE, index)
                 checked[index] = f'"{cell}"'
-            elif is_number(cell, decimal):
-                thousands = "," if decimal == "." else "."
-                number_text = cell.upper().replace("D", "E").replace(thousands, "")
+            elif is_number(cell, decimal, is_only=len(cells) == 1):
+                number_text = _THOUSANDS[decimal].sub("", cell.upper().replace("D", "E"))
                 checked[index] = f'"{number_text}"' if decimal in number_text else number_text
             elif cell.lower() not in MISSING:
                 rule = f"a cell must be empty or a number with a decimal {_DECIMAL[decimal]}"

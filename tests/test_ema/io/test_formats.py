@@ -73,6 +73,8 @@ def test_a_workbook_of_damaged_xml_is_refused(tmp_path):
         archive.writestr("xl/workbook.xml", "<wb>")
     with pytest.raises(RecordingFormatError, match="damaged, cut short or something else"):
         read_file(path)
+    with pytest.raises(RecordingFormatError, match=r"run\.csv, by its content \.xlsx"):
+        read_file(path.rename(tmp_path / "run.csv"))
 
 
 @pytest.mark.parametrize("kind", [".uff", ".mat", ".h5", ".wav"])

@@ -75,6 +75,28 @@ def test_a_column_that_counts_is_no_sensor(tmp_path, name):
     assert [each.check for each in content.findings] == [Check.IGNORED]
 
 
+@pytest.mark.parametrize(
+    ("header", "first", "step", "hz"),
+    [
+        ("Date,F [N]", 20261129, 0, np.nan),  # all the same day
+        ("Datum,F [N]", 46354.3, 1 / 86400 / 512, 512.0),  # as a spreadsheet counts
+        ("Time,F [N]", 0.41, 1 / 86400 / 512, 512.0),  # its part of a day
+    ],
+)
+def test_numbers_that_are_dates_are_no_sensors(tmp_path, header, first, step, hz):
+    path = csv(tmp_path, header, (first + step * np.arange(400), NOISE[:400, 0]))
+    content = read_file(path)
+    assert content.recording.names == ("F",)
+    np.testing.assert_equal(content.recording.sampling_rate_hz, hz)
+    assert len(content.findings) == 1
+
+
+def test_a_time_without_a_unit_that_nothing_is_recorded_at_is_refused(tmp_path):
+    hours = 0.4 + np.arange(400) / 3600 / 512
+    with pytest.raises(InputError, match=r"Write its unit"):
+        read_file(csv(tmp_path, "Time,F [N]", (hours, NOISE[:400, 0])))
+
+
 def test_a_second_column_of_time_is_no_sensor(tmp_path):
     t = np.arange(400) / 512
     header, noise = "time [s],F [N],time [s],A [g]", NOISE[:400]

@@ -105,7 +105,15 @@ def lvm(path):
     )
 
 
-@pytest.mark.parametrize("write", [uff, tdms, hdf5, matlab, lvm], ids=lambda each: each.__name__)
+def csv(path):
+    rows = "".join(f"{f:.6f};{a:.6f}\n" for f, a in zip(FORCE, A01, strict=True))
+    above = "Exponential window;0.5 s\n# Trigger level: 5 N;;\nSampling rate;2000\n"
+    path.write_text(f"{above}force [N];A01 [g]\n{rows}")
+
+
+@pytest.mark.parametrize(
+    "write", [uff, tdms, hdf5, matlab, lvm, csv], ids=lambda each: each.__name__
+)
 def test_files_of_each_format(tmp_path, write):
     path = tmp_path / f"a.{ {'matlab': 'mat', 'hdf5': 'h5'}.get(write.__name__, write.__name__) }"
     write(path)
@@ -113,6 +121,21 @@ def test_files_of_each_format(tmp_path, write):
     assert {(each.kind, each.seconds) for each in found.windows} == {(EXPONENTIAL, 0.5)}
     if write is not uff:
         assert any("stated in the file, not used" in each.detail for each in found.findings)
+
+
+@pytest.mark.parametrize("ending", ["csv", "mat", "h5"])
+def test_windows_of_frfs_outside_of_universal_files(tmp_path, ending):
+    path, lines, values = tmp_path / f"a.{ending}", np.arange(1.0, 81.0), np.linspace(1, 2, 80) + 1j
+    if ending == "csv":
+        rows = "".join(f"{f},{h.real},{h.imag}\n" for f, h in zip(lines, values, strict=True))
+        path.write_text(f"Exponential window: 0.5 s\nf [Hz],H1 real [g/N],H1 imag [g/N]\n{rows}")
+    elif ending == "mat":
+        savemat(path, {"f": lines, "H1": values, "exponential_window_s": 0.5})
+    else:
+        with h5py.File(path, "w") as file:
+            file.attrs["exponential_window_s"] = 0.5
+            file["f"], file["H1"] = lines, values
+    assert [(w.kind, w.seconds) for w in read_file(path).windows] == [(EXPONENTIAL, 0.5)]
 
 
 def qualifiers(window):

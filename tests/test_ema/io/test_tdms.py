@@ -176,11 +176,27 @@ def test_only_channels_over_time_are_read(tmp_path):
     found = read_file(write(tmp_path / "a.tdms", [signal, spectrum]))
     assert found.recording.names == ("A01",)
     assert [each.channel for each in found.findings] == ["PSD"]
-    with pytest.raises(RecordingFormatError, match="channels over frequency"):
-        read_file(write(tmp_path / "a.tdms", [spectrum]))
-    late = channel("A01", FORCE, wf_xunit_string="ms")
-    with pytest.raises(RecordingFormatError, match="wf_increment must be in s"):
-        read_file(write(tmp_path / "a.tdms", [late]))
+    angle = channel("A01", FORCE, wf_xunit_string="deg")
+    for other, unit in ((spectrum, "Hz"), (angle, "deg")):
+        with pytest.raises(RecordingFormatError, match=f"channels over {unit}"):
+            read_file(write(tmp_path / "a.tdms", [other]))
+
+
+def test_the_unit_of_the_axis_counts(tmp_path):
+    late = {"wf_xunit_string": "ms", "step": 1e3 / RATE_HZ, "wf_start_offset": 4e3 / RATE_HZ}
+    first = channel("force", FORCE, step=1e3 / RATE_HZ, wf_xunit_string="ms")
+    found = read_file(write(tmp_path / "a.tdms", [first, channel("A01", FORCE, **late)])).recording
+    assert found.sampling_rate_hz == RATE_HZ
+    np.testing.assert_array_equal(found.channels[0].samples, FORCE[4:])
+    np.testing.assert_array_equal(found.channels[1].samples, FORCE[:-4])
+
+
+@pytest.mark.parametrize("step", [0, 1 / RATE_HZ])
+def test_time_stamps_are_no_channel(tmp_path, step):
+    since = (np.arange(60) * 1e6 / RATE_HZ).astype("timedelta64[us]")
+    time = nptdms.ChannelObject("run", "Time", np.datetime64("2026-11-29T10:00:00") + since)
+    found = read_file(write(tmp_path / "a.tdms", [time, channel("A01", FORCE, step=step)]))
+    assert (found.recording.names, found.recording.sampling_rate_hz) == (("A01",), RATE_HZ)
 
 
 def test_decimated_copies_of_a_single_channel_are_left_out(tmp_path):

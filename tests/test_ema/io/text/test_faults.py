@@ -55,7 +55,7 @@ def refusal(tmp_path, text, name="a.csv"):
         ("a;b\n1;2\n".encode("utf-16-le"), "a.csv", "binary data"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "a.csv", "binary data"),
         (b"a;b\n1;2\n3;4\n\x00\x00\x00", "a.csv", "binary data"),
-        (b"a;b\n1;2\n3;\xff\n", "a.csv, line 3, column 'b'", "'�'"),
+        (b"a;b\n1;2\n3;\xff\n", "a.csv, line 3, column 'b'", "'ÿ'"),
     ],
 )
 def test_faults_are_named(tmp_path, text, where, message):

@@ -67,6 +67,16 @@ def test_unit_of_the_frequencies(tmp_path, unit):
     np.testing.assert_allclose(content.frf.frequency_hz, LINES, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "name", ["H1 -imag", "-Im(H1)", "H1 neg. imag", "conj(H1) imag", "H1 (-im)"]
+)
+def test_a_part_with_another_sign_is_refused(tmp_path, name):
+    with pytest.raises(RecordingFormatError, match="sign in front"):
+        read(tmp_path, f"f [Hz],H1 real [m/s^2/N],{name} [m/s^2/N]", *parts(FIRST))
+    dash = read(tmp_path, "f [Hz],H1 - real [m/s^2/N],H1 - imag [m/s^2/N]", *parts(FIRST))
+    np.testing.assert_allclose(dash.frf.values, [FIRST], rtol=1e-9)
+
+
 def test_units_in_a_row_of_their_own(tmp_path):
     header = "Frequency,H1 real,H1 imag\nHz,m/s^2/N,m/s^2/N"
     content = read(tmp_path, header, *parts(FIRST))
