@@ -60,6 +60,7 @@ _UNITS_BEHIND = tuple(
 )
 _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
+_SLOWEST_HZ = 50.0  # of what may be a time beside another source; angles rise more slowly
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
 _SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
 
@@ -301,13 +302,15 @@ def _seconds_of_ramp(
     rate = likeliest(
         steps.inverse * (1 - SAME_RATE), steps.inverse * (1 + SAME_RATE), steps.inverse, ""
     )
-    is_rate = steps.inverse > 1.0 and rate.is_sure and not is_stated(column.unit)
-    if has_time or not is_rate or not math.isnan(stated.hz):
+    has_other = has_time or not math.isnan(stated.hz)  # with which it is compared
+    least_hz = _SLOWEST_HZ if has_other else 1.0
+    if not (steps.inverse > least_hz and rate.is_sure) or is_stated(column.unit):
         detail = f"{column.name!r} {rises}; left out"
         findings.append(note(path, Check.IGNORED, detail))
         return 0.0
-    detail = f"{column.name!r} {rises}; taken as time in s, which gives {rate.hz:.10g} Hz"
-    findings.append(note(path, Check.SAMPLING_RATE, detail))
+    if not has_other:
+        detail = f"{column.name!r} {rises}; taken as time in s, which gives {rate.hz:.10g} Hz"
+        findings.append(note(path, Check.SAMPLING_RATE, detail))
     return 1.0
 
 
@@ -327,8 +330,15 @@ def aligned(
     """
     lengths = list(lengths) or [channel.n_samples for channel in channels]
     late = np.array(starts_s) - min(starts_s)
+    if late.any() and not rate_hz > 0:
+        found = f"channels begin up to {late.max():.6g} s apart"
+        rule, remedy = (
+            "their sampling rate must be known",
+            "State it, as in 'Sampling rate: 2048 Hz'",
+        )
+        raise RecordingFormatError(path.name, found, rule, remedy)
     if late.any():
-        late *= rate_hz  # NaN where the rate is not known
+        late *= rate_hz
     first, last = (channels[int(place)] for place in (np.argmin(late), np.argmax(late)))
     apart = f"{last.name!r} begins {np.ptp(starts_s):.6g} s after {first.name!r}"
     whole = np.rint(late)

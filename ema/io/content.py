@@ -314,6 +314,19 @@ def states_treatment(name: str, value: object) -> bool:
     return is_one and _SUBJECT.search(name) is not None
 
 
+_SCALE = re.compile(
+    r"(?:[a-z]+[\s_-]*)?(?:scal(?:e|ing)(?:[\s_-]*factor)?|factor|faktor|gain|slope|multiplier|lsb|"
+    r"sensitivity|calibration|offset|skalierung|verst\w*rkung|empfindlichkeit|"
+    r"per[\s_-]*(?:count|bit|lsb|digit)|counts?[\s_-]*(?:to|per)[\s_-]*\w+)s?",
+    re.IGNORECASE,
+)
+
+
+def states_scale(name: str) -> bool:
+    """Whether a name is one of a factor or an offset of stored numbers."""
+    return _SCALE.fullmatch(name.strip()) is not None
+
+
 def _text(value: object) -> str:
     """A value in one line; empty for what is no text and no single number."""
     if isinstance(value, np.ndarray | np.generic):

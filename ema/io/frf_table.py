@@ -18,12 +18,15 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, is_time, label_of_axis
-from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, point_of, stated_windows
-from ema.io.rates import even_step, uneven
+from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, note, point_of, stated_windows
+from ema.io.rates import NARROW, even_step, uneven
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
 _FREQUENCY_WORD = re.compile(r"(?:^|[^a-z])(?:freq|frequency|frequenz|frequence)(?:[^a-z]|$)")
-_ANGULAR = {"omega": "rad/s", "ω": "rad/s", "w": "rad/s"}  # what such a name means
+# Names of an angular frequency, which is in rad/s where its unit is none, 1/s or rad.
+_ANGULAR = re.compile(r"omega|ω|w|(?:kreis|winkel)frequenz|pulsation")
+_ANGULAR_WORD = re.compile(r"(?:^|[^a-z])(?:angular|circular|rad)(?:[^a-z]|$)")
+_PER_SECOND = {"1/s", "s^-1", "s-1", "1/sec", "rad"}
 # An FRF with a resonance passes 90°; a phase in rad that is not wrapped stays below 14 turns.
 _FEWEST_DEGREES = 90.0
 _DEGREES = {"deg", "°", "degree", "degrees", "grad"}
@@ -36,6 +39,7 @@ CONVERTED = (
     "{} over force, converted to inertance (factor −ω²)",
 )
 _SEPARATORS = " \t_-:|,.()"
+_SAME_LINE = 1e-3  # of the step between lines
 
 
 class _Part(Enum):
@@ -68,13 +72,20 @@ def has_frequency(columns: Sequence[Column]) -> bool:
 
 def unit_of_lines(column: Column) -> str:
     """Unit of frequencies: stated, or in the name, as that or as its meaning."""
+    name, unit = label_of_axis(column.name.strip(_SEPARATORS), column.unit)
+    unit = column.unit if is_stated(column.unit) else unit
+    plain = name.lower()
+    is_word = _FREQUENCY_WORD.search(plain) is not None
+    is_angular = _ANGULAR.fullmatch(plain) or (is_word and _ANGULAR_WORD.search(plain))
+    if is_angular:
+        is_bare = unit.replace(" ", "") in _PER_SECOND or not is_stated(unit)
+        return "rad/s" if is_bare else unit
     if is_stated(column.unit):
-        return column.unit
-    name, unit = label_of_axis(column.name.strip(_SEPARATORS))
-    is_named = name.lower() in _FREQUENCY_NAMES
-    if is_named or (_FREQUENCY_WORD.search(name.lower()) and _rises_evenly(column)):
+        return unit
+    is_named = plain in _FREQUENCY_NAMES
+    if is_named or (is_word and _rises_evenly(column)):
         return unit or "Hz"
-    return _ANGULAR.get(name.lower(), name)
+    return name
 
 
 def refuse_other_lines(path: Path, columns: Sequence[Column]) -> None:
@@ -160,7 +171,7 @@ def frf_content(
     column belongs to none, or a unit is not stated.
     """
     noticed = list(findings)
-    lines = _lines(path, columns[0])
+    lines = _lines(path, columns[0], noticed)
     grouped = _grouped(path, columns[1:])
     values = np.array([_inertance(path, each, lines, noticed) for each in grouped])
     coherence = np.full(values.shape, np.nan)
@@ -205,18 +216,37 @@ def _fault(path: Path, column: str, found: str, rule: str, remedy: str) -> Recor
     return RecordingFormatError(f"{path.name}, column {column!r}", found, rule, remedy)
 
 
-def _lines(path: Path, column: Column) -> NDArray[np.float64]:
+def _lines(path: Path, column: Column, findings: list[Finding]) -> NDArray[np.float64]:
     """Frequency lines in Hz, which must be equidistant."""
     axis = parse_axis(unit_of_lines(column))
     stored = np.asarray(column.samples, dtype=np.float64) * (axis.factor if axis else 1.0)
-    steps = even_step(stored)
-    if steps is None or stored[0] < 0.0:
+    even = _even_lines(stored)
+    if even is None or stored[0] < 0.0:
         rule = "frequencies must be positive and at equal steps"
         raise _fault(path, column.name, uneven(stored, "Hz"), rule, EXPORT_AGAIN)
-    start = np.rint(stored[0] / steps.step)
-    if abs(stored[0] - start * steps.step) > 1e-3 * steps.step:
-        return np.asarray(stored[0] + steps.step * np.arange(len(stored)))
-    return np.asarray(steps.step * (start + np.arange(len(stored))))
+    lines, tolerance = even
+    if tolerance > NARROW:
+        detail = f"printed frequencies leave {100 * tolerance:.2g} % open: steps of {{:.7g}} Hz"
+        findings.append(note(path, Check.SAMPLING_RATE, detail.format(lines[1] - lines[0])))
+    return lines
+
+
+def _even_lines(stored: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
+    """Lines of an even grid from rounded ones, and by how much (relative) their step may be wrong.
+
+    A grid that goes through zero within the rounding does so. None where they are not equidistant.
+    """
+    steps = even_step(stored)
+    if steps is None:
+        return None
+    numbers = np.arange(len(stored))
+    ahead = stored - steps.step * numbers
+    offset = float(np.mean(ahead))  # the first line alone is rounded like the others
+    rounding = float(np.max(np.abs(ahead - offset))) + steps.tolerance * float(np.ptp(stored))
+    first = np.rint(offset / steps.step)
+    if abs(offset - first * steps.step) <= max(rounding, _SAME_LINE * steps.step):
+        offset = float(first * steps.step)
+    return np.asarray(offset + steps.step * numbers), steps.tolerance
 
 
 def _grouped(path: Path, columns: Sequence[Column]) -> list[_Parts]:

@@ -20,15 +20,22 @@ from ema.core.finding import Check, Finding
 from ema.io import content
 from ema.io.arrays import are_slow, matrix_columns, without_complex
 from ema.io.columns import Column, content_of_columns, is_time, name_and_unit
-from ema.io.content import COPY_AGAIN, FileContent, check_expansion, check_stored, reading, require
+from ema.io.content import (
+    COPY_AGAIN,
+    FileContent,
+    check_expansion,
+    check_stored,
+    reading,
+    require,
+    states_scale,
+)
 from ema.io.frf_table import frf_content, with_frequency_first
-from ema.io.rates import stated_rate, stated_start_s, states_rate
+from ema.io.rates import stated_rate, stated_start_s, states_rate, states_start
 
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
 _SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conventions
-_NOT_APPLIED = ("gain", "scale", "scaling", "factor", "sensitivity", "offset", "calibration")
 _PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
 _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
 _SLOW = "slower than the other channels"
@@ -67,7 +74,13 @@ def read(path: Path) -> FileContent:
         rule = "a channel is a dataset of one dimension, or a row or column of a matrix"
         raise RecordingFormatError(path.name, held, rule, "Export the samples in this layout")
     ordered = _behind_their_times(series)
-    columns = [column for array in ordered for column in _columns(path, _scaled(path, array))]
+    starts = [each.starts for each in series if not is_time(each.name, "")]
+    same_start = len({str(each.values()) for each in starts}) < 2
+    columns = [
+        column
+        for array in ordered
+        for column in _columns(path, _scaled(path, array), same_start=same_start)
+    ]
     findings = (*content.left_out(path, skipped), *_not_applied(path, series))
     if (of_frfs := with_frequency_first(path, columns)) is not None:
         return frf_content(path, of_frfs, findings, stated)
@@ -96,6 +109,11 @@ class _Array:
     def unit(self) -> str:
         """The first unit that its attributes state; empty without one."""
         return [*_texts(self, _UNITS), ""][0]
+
+    @property
+    def starts(self) -> dict[str, Any]:
+        """What its attributes state of the first sample, by place."""
+        return {f"{self.path}/{k}": v for k, v in self.attributes.items() if states_start(k)}
 
     @property
     def group(self) -> str:
@@ -172,20 +190,19 @@ def _scaled(path: Path, array: _Array) -> _Array:
 def _not_applied(path: Path, series: Sequence[_Array]) -> Iterator[Finding]:
     """Warnings about integers whose attributes may scale them, in no convention that is known."""
     for array in series:
-        stated = [name for name in array.attributes if name.lower() in _NOT_APPLIED]
+        stated = [name for name in array.attributes if states_scale(name)]
         if stated and array.samples.dtype.kind in "iu":
             what = f"integers with {', '.join(stated)}, not applied: give their sensitivity or unit"
             yield content.remark(path, array.name, Check.UNIT, f"{what}, or export floats")
 
 
-def _columns(path: Path, array: _Array) -> list[Column]:
+def _columns(path: Path, array: _Array, *, same_start: bool) -> list[Column]:
     samples = np.squeeze(array.samples)
     units = _texts(array, _UNITS)
     if samples.ndim == 2:
         return matrix_columns(f"{path.name}, {array.path}", samples, _texts(array, _NAMES), units)
     name, unit = name_and_unit(array.name)
-    own = {f"{array.path}/{name}": value for name, value in array.attributes.items()}
-    start_s = stated_start_s(path, own)
+    start_s = 0.0 if same_start else stated_start_s(path, array.starts)
     return [Column(name, units[0] if units else unit, samples, array.path.strip("/"), start_s)]
 
 

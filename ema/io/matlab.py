@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, AxisUnit, parse_axis
 from ema.io.arrays import are_slow, matrix_columns, unit_of_each, without_complex
 from ema.io.columns import Column, content_of_columns, is_time, label_of_axis
-from ema.io.content import FileContent, left_out, states_treatment
+from ema.io.content import FileContent, left_out, states_scale, states_treatment
 from ema.io.frf_table import (
     are_lines,
     frf_content,
@@ -33,9 +33,8 @@ _UNITS = {"units", "unit", "channelunits"}
 # Fields of a struct for each channel: its name, and what its vector is called if not that.
 _NAME = {"name", "signalname", "channelname", "label", "channel"}
 _VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
-# Single numbers that only spectra have, and those that scale integers in no known convention.
+# Single numbers that only spectra have.
 _OF_SPECTRA = {"df", "deltaf", "fstart", "freqstep", "frequencystep"}
-_SCALES = {"scale", "scalefactor", "factor", "gain", "sensitivity", "calibration", "offset"}
 _SETTINGS = re.compile("header|info|settings|setup|param|acquisition|meta", re.IGNORECASE)
 _LAYOUTS = (
     "a file must contain a vector for each channel, or one matrix and the channel names, plus "
@@ -98,6 +97,7 @@ def read(path: Path) -> FileContent:
     if functions:
         return _of_functions(path, functions, [each for each in variables if each not in functions])
     found = _sorted(_unwrapped(_with_headers(variables)))
+    _check_scaled(path.name, found.left_out, found.vectors | found.matrices)
     columns = _columns(path, found)
     findings = left_out(path, found.left_out)
     if (of_frfs := with_frequency_first(path, columns)) is not None:
@@ -387,10 +387,7 @@ def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]
         columns += [_axis(name, samples) for name, samples in each.axes.items()]
         start_s = 0.0 if same_start else stated_start_s(path, each.starts)
         is_one, texts = len(each.signals) == 1, each.texts
-        scales = [name for name in each.fields if plain_name(name) in _SCALES]
-        if scales and any(samples.dtype.kind in "iu" for samples in each.signals.values()):
-            where, rule = f"{path.name}, {each.place}", "integers must be in the unit they state"
-            raise RecordingFormatError(where, f"{scales[0]} of integers", rule, "Save them scaled")
+        _check_scaled(f"{path.name}, {each.place}", each.fields, each.signals)
         unit = each.unit if is_one else ""
         for name, samples in each.signals.items():
             own = each.place if is_one and plain_name(name) in _VALUES else name
@@ -398,6 +395,14 @@ def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]
             place = f"{each.place}.{name}"
             columns.append(Column([*stated, own][0], unit, samples, place, start_s))
     return columns
+
+
+def _check_scaled(where: str, names: Iterable[str], signals: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse integers beside a number that may scale them, in no convention that is known."""
+    scales = [name for name in names if states_scale(name)]
+    if scales and any(samples.dtype.kind in "iu" for samples in signals.values()):
+        rule = "integers must be in the unit they state"
+        raise RecordingFormatError(where, f"{scales[0]} of integers", rule, "Save them scaled")
 
 
 def _axis(name: str, samples: NDArray[Any]) -> Column:

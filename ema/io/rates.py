@@ -24,6 +24,8 @@ _RATES = {
 }
 # Of a first sample: seconds, or a date and time in ISO 8601.
 _STARTS = {"t0", "x0", "starttime", "startvalue", "wfstarttime", "wfstartoffset", "timeoffset"}
+_STARTS |= {"start", "starts", "tstart", "begin", "firstsample", "delay", "latency", "lag"}
+_DELAYS = {"delay", "latency", "lag"}  # later or earlier: nobody says
 _STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
 
 _MOST_DIGITS = 7  # a plain number has no more
@@ -34,7 +36,7 @@ SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
 _SAME_STATEMENT = 1e-6  # relative, of two stated rates
 _EXACT = 1e-9  # relative, of the step of a long column in double precision
 _ROUNDING = 1e-12  # relative, of a step kept in double precision
-_NARROW = 1e-5  # relative half-width from which on a rate is said to be open
+NARROW = 1e-5  # relative half-width from which on a rate is said to be open
 _FINEST = 9  # decimals that stamps may be rounded to
 _FEWEST_DIGITS = 3  # significant ones
 # Counts of date and time, by the size of their first value: seconds of one.
@@ -65,6 +67,7 @@ _SELDOM = np.unique(
         *(51200.0 / divisor for divisor in range(1, 32)),
     ]
 )
+_KNOWN = np.concatenate([_HARDWARE, _SELDOM])
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ class Rate:
     @property
     def is_open(self) -> bool:
         """Whether other rates are possible, by more than a rounding."""
-        return self.high_hz - self.low_hz > 2 * _NARROW * self.hz
+        return self.high_hz - self.low_hz > 2 * NARROW * self.hz
 
     def allows(self, hz: float) -> bool:
         """Whether this may be the rate."""
@@ -203,7 +206,7 @@ def rate_of_step(printed: str, source: str, factor: float = 1.0) -> Rate:
     value, place, _ = _printed(printed)
     hz = 1.0 / (value * factor)
     source = f"{source} = {printed.strip()}"
-    if place / 2 <= _NARROW:
+    if place / 2 <= NARROW:
         inverse = step_and_inverse(printed, factor)[1]
         return Rate(inverse, hz / (1 + place), hz * (1 + place), source)
     mantissa = printed.strip().upper().replace("D", "E").partition("E")[0]
@@ -211,6 +214,21 @@ def rate_of_step(printed: str, source: str, factor: float = 1.0) -> Rate:
     if abs(nearest - hz) <= _EXACT * hz and not mantissa.endswith("0"):
         return exact_rate(nearest, source)
     return likeliest(hz / (1 + place / 2), hz / (1 - place / 2), hz, source)
+
+
+def rate_of_text(printed: str, source: str, factor: float = 1.0) -> Rate:
+    """A rate as it is printed, `factor` Hz each: 2.05 kHz is 2048 Hz, 2050 Hz is that.
+
+    ValueError for other texts than positive numbers.
+    """
+    value, place, _ = _printed(printed)
+    hz = value * factor
+    if place / 2 <= NARROW or printed.isdigit():
+        return exact_rate(hz, source)
+    rate = likeliest(hz * (1 - place / 2), hz * (1 + place / 2), hz, f"{source} = {printed}")
+    if np.min(np.abs(_KNOWN - hz)) <= _EXACT * hz or rate.hz not in _KNOWN:
+        return exact_rate(hz, source)
+    return rate
 
 
 def likeliest(low_hz: float, high_hz: float, hz: float, source: str) -> Rate:
@@ -300,7 +318,7 @@ def rate_of_stamps(stamps: NDArray[np.float64], source: str) -> Rate | None:
     if steps is None:
         return None
     hz, width = steps.inverse, steps.tolerance * steps.inverse
-    if steps.tolerance <= _NARROW:
+    if steps.tolerance <= NARROW:
         return Rate(hz, hz - width, hz + width, source)
     found = likeliest(hz - width, hz + width, hz, source)
     return Rate(found.hz, hz - width, hz + width, source, found.is_sure)
@@ -318,8 +336,7 @@ def count_of_dates(stamps: NDArray[np.float64]) -> tuple[str, float]:
 
 def _is_usual(hz: float) -> bool:
     """Whether acquisition hardware has a rate."""
-    known = np.concatenate([_HARDWARE, _SELDOM])
-    return bool(np.min(np.abs(known - hz)) <= SAME_RATE * hz)
+    return bool(np.min(np.abs(_KNOWN - hz)) <= SAME_RATE * hz)
 
 
 def uneven(stamps: NDArray[np.float64], unit: str = "s") -> str:
@@ -355,9 +372,10 @@ def stated_rate(path: Path, statements: Mapping[str, object]) -> Rate:
         for place, value in statements.items()
         if states_rate(name := place.rpartition("/")[2])
     ]
-    first = rates[0] if rates else UNSTATED
+    first = min(rates, key=lambda each: each.high_hz - each.low_hz, default=UNSTATED)
     for other in rates:
-        if abs(other.hz - first.hz) > _SAME_STATEMENT * first.hz:
+        is_within = other.is_open and other.allows(first.hz)
+        if abs(other.hz - first.hz) > _SAME_STATEMENT * first.hz and not is_within:
             found = f"{first.hz:g} Hz by {first.source}, {other.hz:g} Hz by {other.source}"
             raise not_together(path, found)
     return first
@@ -374,6 +392,10 @@ def stated_start_s(path: Path, statements: Mapping[str, object]) -> float:
     for place, value in statements.items():
         if not states_start(place.rpartition("/")[2]):
             continue
+        if plain_name(place.rpartition("/")[2]) in _DELAYS:
+            rule = "channels differ in it, and a delay may count either way"
+            remedy = "State t0, the time of the first sample, or export them aligned"
+            raise RecordingFormatError(f"{path.name}, {place}", f"{value}", rule, remedy)
         stated = value.item() if isinstance(value, np.ndarray | np.generic) else value
         text = stated.decode("latin-1") if isinstance(stated, bytes) else str(stated)
         try:
@@ -408,6 +430,8 @@ def _stated(path: Path, place: str, name: str, value: Any) -> Rate:
         if is_step and isinstance(text, str):
             return rate_of_step(text, repr(place))
         hz = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
+        if is_step and _FEWEST_DIGITS <= plainest(hz, _ROUNDING * hz)[1] < _MOST_DIGITS:
+            return rate_of_step(f"{hz:.{_MOST_DIGITS}g}", repr(place))  # as somebody typed it
         if is_step:
             hz = plainest(1.0 / hz, _ROUNDING / hz)[0]
     except (ArithmeticError, TypeError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,14 +16,16 @@ from ema.core.finding import Check, Finding
 from ema.core.recording import Channel
 from ema.core.units import is_stated
 from ema.io.columns import Column, content_of_columns, is_time
-from ema.io.content import EXPORT_AGAIN, FileContent, note, remark
+from ema.io.content import EXPORT_AGAIN, FileContent, note, remark, states_scale
 from ema.io.frf_table import frf_content, has_frequency, refuse_other_lines
 from ema.io.text.layout import Layout, find_layout
-from ema.io.text.source import TextSource, open_text
+from ema.io.text.source import TextSource, label, open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
 
 SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+# Factors of one and offsets of zero.
+_IDLE = re.compile(r"(?:[01](?:[.,]0*)?(?:\s+|$))*")
 NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
 
 
@@ -61,9 +63,23 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     refuse_other_lines(path, columns)
     if sum(is_time(each.name, each.unit) for each in columns) > 1:
         columns = [replace(each, start_s=0.0) for each in columns]  # each time shows its start
+    _check_scaled(path, columns, layout.statements)
     return content_of_columns(
         path, columns, rate=layout.rate, findings=findings, statements=layout.statements
     )
+
+
+def _check_scaled(path: Path, columns: Sequence[Column], statements: Mapping[str, str]) -> None:
+    """Refuse integers below a line that may state what scales them; an offset changes no FRF."""
+    stated = {key: value for key, value in statements.items() if states_scale(label(key)[0])}
+    stated = {key: value for key, value in stated.items() if "offset" not in key.lower()}
+    used = {key: value for key, value in stated.items() if not _IDLE.fullmatch(value)}
+    signals = [each.samples for each in columns if not is_time(each.name, each.unit)]
+    if used and all(np.array_equal(each, np.rint(each), equal_nan=True) for each in signals):
+        key, value = next(iter(used.items()))
+        rule = "integers must be in the unit of their column"
+        remedy = "Export scaled numbers; if they are, remove that line"
+        raise RecordingFormatError(path.name, f"{key!r} {value!r} above integers", rule, remedy)
 
 
 def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:

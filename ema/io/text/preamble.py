@@ -11,8 +11,8 @@ from ema.core.errors import RecordingFormatError
 from ema.core.units import FREQUENCY, TIME, parse_axis
 from ema.io.columns import is_time
 from ema.io.content import EXPORT_AGAIN, entries, not_together
-from ema.io.rates import UNSTATED, Rate, exact_rate, is_possible, rate_of_step
-from ema.io.text.source import THOUSANDS, Dialect, Line, heading_cells, starts_of
+from ema.io.rates import UNSTATED, Rate, is_possible, rate_of_step, rate_of_text
+from ema.io.text.source import THOUSANDS, Dialect, Line, heading_cells, label, starts_of
 
 _RATE = (
     r"(?:sampl\w*|data|scan)[\s_-]*(?:rate|freq\w*)|abtast(?:rate|frequenz)|fs|f_s|"
@@ -32,10 +32,12 @@ _PARTS = re.compile(r"[,;]|:\s")  # of a comment such as ``Config: data_rate = 5
 _SAMPLES_PER_SECOND = {"s/s": 1.0, "ks/s": 1e3, "ms/s": 1e6}
 # Rows above a table with a value for each column, as LabVIEW writes them.
 _ROW_OF_STARTS = re.compile(
-    r"[xt]_?0|wf_start_offset|start[\s_-]*(?:time|value|offset)|(?:time|zeit)[\s_-]*offset|"
-    r"startzeit|abscissa[\s_-]*min\w*",
+    r"[xt]_?0|wf_start_offset|(?:(?:channel|kanal)[\s_-]*)?start(?:[\s_-]*(?:time|value|offset))?|"
+    r"(?:time|zeit)[\s_-]*offset|startzeit|abscissa[\s_-]*min\w*|t[\s_-]*start|begin\w*|"
+    r"first[\s_-]*sample",
     re.IGNORECASE,
 )
+_ROW_OF_DELAYS = re.compile(r"(?:[a-z]+[\s_-]*)?(?:delay|latency|lag|verzug)", re.IGNORECASE)
 _ROW_OF_CLOCKS = re.compile("time|uhrzeit", re.IGNORECASE)
 _ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
 _ROW_OF_UNITS = re.compile(
@@ -72,6 +74,11 @@ class Preamble:
     @property
     def starts_s(self) -> tuple[float, ...]:
         """Starts of the columns by a row such as ``X0,0,0.03125``; empty where they are equal."""
+        line, delays = self._row(_ROW_OF_DELAYS)
+        if line is not None and len({each for each in delays if each}) > 1:
+            rule = "channels differ in it, and a delay may count either way"
+            remedy = "Write a row X0 of the times of the first samples, or export them aligned"
+            raise RecordingFormatError(self._place(line), "a row of delays", rule, remedy)
         line, values = self._row(_ROW_OF_STARTS)
         if line is None:
             line, values = self._row(_ROW_OF_CLOCKS)
@@ -80,8 +87,10 @@ class Preamble:
         values = [each or first for each in values]
         if line is None or len(set(values)) < 2:
             return ()
+        axis = parse_axis(self._unit_of(line))
+        seconds = axis.factor if axis is not None and axis.kind == TIME else 1.0
         try:
-            return tuple(starts_of(values, self.dialect.decimal))
+            return tuple(seconds * each for each in starts_of(values, self.dialect.decimal))
         except ValueError as error:
             rule = "starts of channels must be numbers of seconds or times of day"
             raise RecordingFormatError(self._place(line), str(error), rule, EXPORT_AGAIN) from error
@@ -96,7 +105,8 @@ class Preamble:
             found = f"steps {', '.join(steps)} in line {of_columns.number}"
             raise not_together(Path(self.where), found)
         if of_columns is not None and steps:
-            rate = stated_rate(f"dt = {steps[0]}", self.dialect.decimal) or UNSTATED
+            text = f"dt [{self._unit_of(of_columns) or 's'}] = {steps[0]}"
+            rate = stated_rate(text, self.dialect.decimal) or UNSTATED
             first = of_columns.number if rate is not UNSTATED else 0
         for line in self.lines:
             parts = (line.text, *(each for each in _PARTS.split(line.text) if "=" in each))
@@ -112,6 +122,10 @@ class Preamble:
                 rate, first = stated, line.number
         return rate
 
+    def _unit_of(self, line: Line) -> str:
+        """Unit of a row, behind its key; empty without one."""
+        return label(heading_cells(line.text, self.dialect.separator, 0)[0].rstrip(": "))[1]
+
     def _place(self, line: Line) -> str:
         return f"{self.where}, line {line.number}"
 
@@ -126,7 +140,7 @@ class Preamble:
             key, *values = heading_cells(line.text, self.dialect.separator, width)
             while values and not values[-1]:
                 values.pop()
-            if not values or not form.fullmatch(key.rstrip(": ")):
+            if not values or not form.fullmatch(label(key.rstrip(": "))[0]):
                 continue
             if len(values) == 1:
                 return line, values * width
@@ -168,6 +182,6 @@ def stated_rate(line: str, decimal: str) -> Rate | None:
             return None
         if match["step"]:
             return rate_of_step(value, match["step"].strip(), factor)
-        return exact_rate(float(value) * factor, match["rate"].strip())
+        return rate_of_text(value, match["rate"].strip(), factor)
     except ValueError:
         return None

@@ -427,7 +427,7 @@ def test_channels_that_start_apart_are_aligned(tmp_path, name, starts):
 
 def test_a_start_that_is_no_time_is_refused(tmp_path):
     def write(file):
-        file["force"] = np.arange(64.0)
+        file["force"], file["A01"] = NOISE[:64].T[:2]
         file["force"].attrs["t0"] = "noon"
 
     with pytest.raises(RecordingFormatError, match="'noon'"):
