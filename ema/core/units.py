@@ -61,7 +61,18 @@ _FREQUENCY_HZ |= dict.fromkeys(("rad/s", "rad/sec", "r/s", "radians/s"), 0.5 / p
 _FREQUENCY_HZ |= dict.fromkeys(("rpm", "cpm", "1/min", "min^-1", "rev/min", "U/min"), 1.0 / 60.0)
 _ELECTRIC = ("A", "mA", "C", "pC")  # no channel of these can be calibrated here
 _NOTHING = {"", "none", "-", "n/a", "unknown"}
-_SPELLINGS = {"²": "^2", "⁻": "-", "μ": "u", "µ": "u", "**": "^", "·": "", "*": "", " ": ""}
+_SPELLINGS = {
+    "⁻²": "^-2",
+    "⁻¹": "^-1",
+    "²": "^2",
+    "⁻": "-",
+    "μ": "u",
+    "µ": "u",
+    "**": "^",
+    "·": "",
+    "*": "",
+    " ": "",
+}
 
 
 @dataclass(frozen=True)

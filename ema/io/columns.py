@@ -207,7 +207,7 @@ def _axes(
         for at, column in enumerate(columns)
         if named[at]
         or _is_date(column)
-        or (not parse_unit(column.unit) and _rises_evenly(column.samples))
+        or (not parse_unit(column.unit) and rises_evenly(column.samples))
     }
     for at, factor in ramps.items():
         ramps[at] = factor or _seconds_of_ramp(path, columns[at], rate, any(named), findings)
@@ -252,7 +252,7 @@ def _time_axis(
     return _Axis(column.name, rate, float(stamps[0]), len(stamps))
 
 
-def _rises_evenly(samples: NDArray[Any]) -> bool:
+def rises_evenly(samples: NDArray[Any]) -> bool:
     """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False

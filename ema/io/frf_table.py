@@ -310,6 +310,9 @@ def _inertance(
         raise _fault(path, parts.name, found, rule, "Export both")
     first, second = (parts.columns[each] for each in pair)
     ordinate = np.asarray(first.samples, dtype=np.float64)
+    if pair[0] is _Part.REAL and _DECIBEL.fullmatch(first.unit):
+        rule = "real and imaginary part are never in decibels"
+        raise _fault(path, first.name, f"unit {first.unit!r}", rule, "Correct the names or units")
     if pair[0] is _Part.MAGNITUDE:
         if _DECIBEL.fullmatch(first.unit):
             ordinate = 10 ** (ordinate / 20)

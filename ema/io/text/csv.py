@@ -15,7 +15,7 @@ from ema.core.errors import RecordingFormatError, inert
 from ema.core.finding import Check, Finding
 from ema.core.recording import Channel
 from ema.core.units import is_stated
-from ema.io.columns import Column, content_of_columns, is_time
+from ema.io.columns import Column, content_of_columns, is_time, rises_evenly
 from ema.io.content import EXPORT_AGAIN, FileContent, note, remark, states_scale
 from ema.io.frf_table import frf_content, has_frequency, refuse_other_lines
 from ema.io.text.layout import Layout, find_layout
@@ -24,6 +24,7 @@ from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
 
 SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
+_UNNAMED = "column 1"
 # Factors of one and offsets of zero.
 _IDLE = re.compile(r"(?:[01](?:[.,]0*)?(?:\s+|$))*")
 NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
@@ -56,6 +57,8 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     cells = read_cells(source, layout, wanted, source.sections(layout.start), findings)
     read_in = [_column(layout, index, cells.pop(index), path, findings) for index in wanted]
     columns = [column for column in read_in if column is not None]
+    if not layout.names[0] and columns and columns[0].name == _UNNAMED:
+        columns = _without_labels(path, columns, findings)
     if not has_frequency(columns) and not any(is_time(each.name, each.unit) for each in columns):
         columns = columns[-1:] + columns[:-1] if has_frequency(columns[-1:]) else columns
     if has_frequency(columns):
@@ -82,6 +85,14 @@ def _check_scaled(path: Path, columns: Sequence[Column], statements: Mapping[str
         raise RecordingFormatError(path.name, f"{key!r} {value!r} above integers", rule, remedy)
 
 
+def _without_labels(path: Path, columns: list[Column], findings: list[Finding]) -> list[Column]:
+    """Columns without a first one that has no name, unless it is an index such as time."""
+    if rises_evenly(columns[0].samples):
+        return columns
+    findings.append(remark(path, "", Check.IGNORED, f"{_UNNAMED} has no name and is left out"))
+    return columns[1:]
+
+
 def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
     """Columns that are time or channels, and findings about the others."""
     wanted: list[int] = []
@@ -91,7 +102,7 @@ def _wanted(path: Path, layout: Layout) -> tuple[list[int], list[Finding]]:
     for index, name in enumerate(layout.names):
         if not name and index >= layout.filled:
             continue
-        if not name and index not in layout.clocks:
+        if not name and index and index not in layout.clocks:
             detail = f"column {index + 1} has no name and is left out"
         elif index in layout.clocks and has_time:
             detail = "time stamps beside the time are left out"
@@ -114,7 +125,7 @@ def _column(
     layout: Layout, index: int, cells: Cells, path: Path, findings: list[Finding]
 ) -> Column | None:
     """A column with its name and unit; None where all its cells are empty."""
-    name, unit = layout.names[index], layout.units[index]
+    name, unit = layout.names[index] or _UNNAMED, layout.units[index]
     if index in layout.clocks:
         return Column("time", "s", cells.samples)
     if cells.n_missing == len(cells.samples):
