@@ -18,10 +18,20 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import UNKNOWN, Channel, Recording
-from ema.core.units import NAMES_KEPT, TIME, is_stated, parse_axis, parse_unit, unit_in_name
+from ema.core.units import (
+    FREQUENCY,
+    NAMES_KEPT,
+    TIME,
+    is_stated,
+    parse_axis,
+    parse_ratio,
+    parse_unit,
+    unit_in_name,
+)
 from ema.io.content import (
     EXPORT_AGAIN,
     FileContent,
+    left_out,
     not_together,
     note,
     point_of,
@@ -48,6 +58,7 @@ _TIME_NAMES = {
 }
 _TIME_WORD = re.compile(r"(?:^|[^a-z])(?:time|zeit|timestamp|temps|tiempo|tempo)(?:[^a-z]|$)")
 _DATE_NAMES = {"date", "datum", "datetime", "date time", "date/time", "datum/zeit"}
+_FREQUENCY = re.compile(r"freq|(?<![a-z])(?:f|hz)(?![a-z])")
 _SPECTRUM = re.compile(r"(?<![^\W_])(?:fft|psd|spectrum|spektrum)(?![^\W_])", re.IGNORECASE)
 # A unit of time or frequency behind a name: time_ms, Zeit in ms, TimeUs, omega_rad_s.
 _UNITS_BEHIND = tuple(
@@ -128,7 +139,12 @@ def content_of_columns(
     noticed = list(findings)
     columns = [_with_unit_of_time(each) for each in columns]
     axes = _axes(path, columns, rate, noticed)
-    signals = [(at, column) for at, column in enumerate(columns) if at not in axes]
+    spectral = _behind_frequencies(columns, axes)
+    reasons = {columns[at].name: "behind a column of frequencies" for at in spectral}
+    noticed += left_out(path, reasons)
+    signals = [
+        (at, column) for at, column in enumerate(columns) if at not in axes and at not in spectral
+    ]
     _check_columns(path, columns, [column for _, column in signals])
     times = {at: axis for at, axis in axes.items() if axis is not None}
     for at, axis in times.items():
@@ -225,6 +241,23 @@ def _axes(
             path, columns[at], factor, findings, is_only=sum(named) < 2
         )
     return found
+
+
+def _behind_frequencies(columns: Sequence[Column], axes: Mapping[int, _Axis | None]) -> set[int]:
+    """Columns of a spectrum beside a recording: the last axis in front of them is its lines."""
+    lines = {at for at, axis in axes.items() if axis is None and _are_lines(columns[at])}
+    if not lines or not any(axes.values()):
+        return set()
+    last = {at: max((each for each in axes if each < at), default=-1) for at in range(len(columns))}
+    return {at for at, axis in last.items() if axis in lines and at not in axes}
+
+
+def _are_lines(column: Column) -> bool:
+    """Whether an axis has frequencies from zero or the first line on; a sweep begins higher."""
+    name, unit = label_of_axis(column.name.lower(), column.unit)
+    axis = parse_axis(unit)
+    is_frequency = axis.kind == FREQUENCY if axis else _FREQUENCY.search(name) is not None
+    return is_frequency and abs(column.samples[0]) < 1.5 * (column.samples[1] - column.samples[0])
 
 
 def _time_axis(
@@ -372,6 +405,11 @@ def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Colu
         found = f"columns {', '.join(column.name for column in columns) or 'none'}"
         rule = "at least one column must be a channel"
         raise RecordingFormatError(path.name, found, rule, EXPORT_AGAIN)
+    frf = next((column for column in signals if parse_ratio(column.unit)), None)
+    if frf is not None:
+        rule = "samples of FRFs must stand behind their frequencies, as real and imaginary part"
+        remedy = "Call the columns Frequency [Hz], 'H1 real', 'H1 imag', or export a universal file"
+        raise RecordingFormatError(path.name, f"{frf.name!r} in {frf.unit}", rule, remedy)
     first = columns[0]
     n_samples = len(first.samples)
     for column in columns:

@@ -19,6 +19,7 @@ from ema.io.columns import Column, content_of_columns, is_time, rises_evenly
 from ema.io.content import EXPORT_AGAIN, FileContent, note, remark, states_scale
 from ema.io.frf_table import frf_content, has_frequency, refuse_other_lines
 from ema.io.text.layout import Layout, find_layout
+from ema.io.text.preamble import refuse_frequencies
 from ema.io.text.source import TextSource, label, open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
@@ -64,6 +65,7 @@ def read_table(path: Path, source: TextSource) -> FileContent:
     if has_frequency(columns):
         return frf_content(path, columns, findings, layout.statements)
     refuse_other_lines(path, columns)
+    refuse_frequencies(path, layout.statements)
     if sum(is_time(each.name, each.unit) for each in columns) > 1:
         columns = [replace(each, start_s=0.0) for each in columns]  # each time shows its start
     _check_scaled(path, columns, layout.statements)

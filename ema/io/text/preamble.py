@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,7 +41,11 @@ _ROW_OF_DELAYS = re.compile(r"(?:[a-z]+[\s_-]*)?(?:delay|latency|lag|verzug)", r
 _ROW_OF_CLOCKS = re.compile("time|uhrzeit", re.IGNORECASE)
 _ROW_OF_STEPS = re.compile(_STEP, re.IGNORECASE)
 _ROW_OF_UNITS = re.compile(
-    r"(?:(?:y|vertical)[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?", re.IGNORECASE
+    r"(?:(?:y|vertical)(?:[\s_-]*axis)?[\s_-]*)?(?:unit|einheit)(?:s|en)?(?:[\s_-]*labels?)?",
+    re.IGNORECASE,
+)
+_UNIT_OF_X = re.compile(
+    r"(?:x|horizontal|abscissa)[\s_-]*(?:axis[\s_-]*)?(?:units?|label|einheit)", re.IGNORECASE
 )
 _LONGEST = 200
 
@@ -185,3 +189,13 @@ def stated_rate(line: str, decimal: str) -> Rate | None:
         return rate_of_text(value, match["rate"].strip(), factor)
     except ValueError:
         return None
+
+
+def refuse_frequencies(path: Path, statements: Mapping[str, str]) -> None:
+    """Refuse a table that lines above it put over frequencies, while its columns do not."""
+    for key, value in statements.items():
+        axis = parse_axis(value)
+        if axis is not None and axis.kind == FREQUENCY and _UNIT_OF_X.fullmatch(key):
+            rule = "FRFs must stand behind a column of frequencies"
+            remedy = "Call columns Frequency [Hz], 'H1 real', 'H1 imag', or export a universal file"
+            raise RecordingFormatError(path.name, f"{key!r} is {value}", rule, remedy)

@@ -97,6 +97,15 @@ def test_a_time_without_a_unit_that_nothing_is_recorded_at_is_refused(tmp_path):
         read_file(csv(tmp_path, "Time,F [N]", (hours, NOISE[:400, 0])))
 
 
+def test_a_spectrum_beside_a_recording_is_no_sensor(tmp_path):
+    t, noise = np.arange(400) / 512, NOISE[:400]
+    header = "time [s],A [g],{},Amplitude [g]"
+    path = csv(tmp_path, header.format("Frequency [Hz]"), (t, noise[:, 0], 2 * t, noise[:, 1]))
+    assert read_file(path).recording.names == ("A",)
+    sweep = csv(tmp_path, header.format("f [Hz]"), (t, noise[:, 0], 20 + t, noise[:, 1]))
+    assert read_file(sweep).recording.names == ("A", "Amplitude")
+
+
 def test_a_second_column_of_time_is_no_sensor(tmp_path):
     t = np.arange(400) / 512
     header, noise = "time [s],F [N],time [s],A [g]", NOISE[:400]

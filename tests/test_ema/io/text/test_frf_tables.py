@@ -77,6 +77,20 @@ def test_a_part_with_another_sign_is_refused(tmp_path, name):
     np.testing.assert_allclose(dash.frf.values, [FIRST], rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "above",
+    [
+        "X Axis Units\tHz\nMeasurement Label\tM#1\t\nY Axis Units\tg/N\t\nY Axis DOFs\t1Z:3Z\t\n",
+        "Label\tM#1\tM#1\nY Axis Units\tg/N\tg/N\nY Axis DOFs\t1Z:3Z\t1Z:3Z\n",
+    ],
+)
+def test_frfs_whose_columns_are_not_named_are_no_time_series(tmp_path, above):
+    rows = "".join(f"{f}\t{h.real}\t{h.imag}\n" for f, h in zip(LINES, FIRST, strict=True))
+    (tmp_path / "a.txt").write_text(above + rows)
+    with pytest.raises(RecordingFormatError, match=r"behind .*frequencies"):
+        read_file(tmp_path / "a.txt")
+
+
 def test_units_in_a_row_of_their_own(tmp_path):
     header = "Frequency,H1 real,H1 imag\nHz,m/s^2/N,m/s^2/N"
     content = read(tmp_path, header, *parts(FIRST))

@@ -197,7 +197,15 @@ def test_columns_without_numbers_or_names(tmp_path):
     found = content(tmp_path, ",a,comment,b,\n7,1,,2,\n8,3,,4,\n")
     assert found.recording.names == ("a", "b")
     assert samples(found) == [[1.0, 3.0], [2.0, 4.0]]
-    assert checks(found) == [("", "ignored"), ("comment", "ignored")]
+    assert checks(found) == [("comment", "ignored"), ("", "ignored")]
+
+
+@pytest.mark.parametrize(("step", "hz"), [(1 / 512, 512.0), (1, np.nan)])
+def test_an_index_without_a_name_is_an_axis(tmp_path, step, hz):
+    rows = "".join(f"{step * k},{k % 7},{k % 5}\n" for k in range(40))
+    found = content(tmp_path, f",force [N],A01 [m·s⁻²]\n{rows}").recording
+    assert [each.quantity for each in found.channels] == ["force", "acceleration"]
+    np.testing.assert_equal(found.sampling_rate_hz, hz)
 
 
 def test_names_may_be_numbers_beside_a_time(tmp_path):
