@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
-from ema.core.units import FREQUENCY, TIME, AxisUnit, parse_axis
+from ema.core.units import is_stated, parse_axis
 from ema.io.arrays import are_slow, matrix_columns, unit_of_each, without_complex
-from ema.io.columns import Column, content_of_columns, is_time, label_of_axis
+from ema.io.columns import Column, content_of_columns, is_time, label_of_axis, rises_evenly
 from ema.io.content import FileContent, left_out, states_scale, states_treatment
 from ema.io.frf_table import (
     are_lines,
@@ -24,12 +24,15 @@ from ema.io.frf_table import (
     unit_of_lines,
     with_frequency_first,
 )
-from ema.io.matlab_variables import LeftOut, variables_of
+from ema.io.matlab_variables import LeftOut, flat, is_complex, texts, variables_of
 from ema.io.rates import plain_name, stated_rate, stated_start_s, states_rate, states_start
+from ema.io.testlab import is_function, of_functions
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
-_UNITS = {"units", "unit", "channelunits"}
+_UNITS = {"units", "unit", "channelunits", "yunit", "yunits"}
+_UNITS_OF_X = {"xunit", "xunits", "timeunit", "timeunits"}
+_X = {"x", "xdata", "xvalues", "abscissa"}
 # Fields of a struct for each channel: its name, and what its vector is called if not that.
 _NAME = {"name", "signalname", "channelname", "label", "channel"}
 _VALUES = {"data", "values", "value", "y", "ydata", "signal", "samples", "amplitude", "h", "frf"}
@@ -41,8 +44,6 @@ _LAYOUTS = (
     "fs, dt or t; or a struct of those"
 )
 _SAVE_AGAIN = "Save it in one of these layouts"
-# What Testlab puts before the ends of a function.
-_KIND = re.compile(r"^\s*(?:(?:ordinary|multiple)?\s*coherence|FRF|frequency response)\s+", re.I)
 _KINDS = {np.ndarray: "a single number", str: "text", list: "a cell array"}
 
 
@@ -64,6 +65,11 @@ class _Signals:
     def unit(self) -> str:
         """The unit that it states, empty without one."""
         return next((text for key, text in self.texts.items() if key in _UNITS), "")
+
+    @property
+    def unit_of_x(self) -> str:
+        """The unit that it states of its axis, empty without one."""
+        return next((text for key, text in self.texts.items() if key in _UNITS_OF_X), "")
 
     @property
     def starts(self) -> dict[str, Any]:
@@ -93,9 +99,9 @@ def read(path: Path) -> FileContent:
     understood in more than one way.
     """
     variables = variables_of(path)
-    functions = {name: each for name, each in variables.items() if _is_function(each)}
+    functions = {name: each for name, each in variables.items() if is_function(each)}
     if functions:
-        return _of_functions(path, functions, [each for each in variables if each not in functions])
+        return of_functions(path, functions, [each for each in variables if each not in functions])
     found = _sorted(_unwrapped(_with_headers(variables)))
     _check_scaled(path.name, found.left_out, found.vectors | found.matrices)
     columns = _columns(path, found)
@@ -108,121 +114,6 @@ def read(path: Path) -> FileContent:
     return content_of_columns(
         path, columns, rate=rate, findings=findings, statements=found.treatment
     )
-
-
-def _is_function(value: Any) -> bool:
-    """Whether a struct is a function as Testlab exports it."""
-    parts = (
-        [value.get(name) for name in ("x_values", "y_values")] if isinstance(value, dict) else []
-    )
-    return bool(parts) and all(isinstance(part, dict) for part in parts)
-
-
-@dataclass(frozen=True, eq=False)
-class _Function:
-    """A function of Testlab, or several with one axis."""
-
-    name: str  # of the variable
-    kind: str  # of its axis: TIME or FREQUENCY
-    start: float  # s or Hz
-    step: float
-    columns: list[Column]
-
-    @property
-    def values(self) -> NDArray[Any]:
-        """Those of the first; all are of one length and type."""
-        return self.columns[0].samples
-
-
-def _of_functions(path: Path, structs: Mapping[str, Any], others: Sequence[str]) -> FileContent:
-    """Channels or FRFs of Testlab: a struct of x_values, y_values and function_record for each."""
-    functions = [_function(path, name, each) for name, each in structs.items()]
-    findings = left_out(path, dict.fromkeys(others, "beside functions of Testlab"))
-    spectra = [each for each in functions if each.kind == FREQUENCY]
-    frfs = [each for each in spectra if _is_complex(each.values)]
-    if not spectra:
-        rate = stated_rate(path, {f"{each.name}/dt": each.step for each in functions})
-        columns, treatment = [row for each in functions for row in each.columns], _flat(structs)
-        return content_of_columns(path, columns, rate=rate, findings=findings, statements=treatment)
-    if not frfs:
-        rule = "over frequency, FRFs are read, with real and imaginary part"
-        raise RecordingFormatError(path.name, "no complex values", rule, "Export complex FRFs")
-    used = [each for each in spectra if each in frfs or _is_coherence(structs[each.name])]
-    unused = [each.name for each in functions if each not in used]
-    findings += left_out(path, dict.fromkeys(unused, "neither FRF nor coherence"))
-    axes = {(each.start, each.step, len(each.values)) for each in used}
-    if len(axes) > 1:
-        found = f"{len(axes)} resolutions, starts or numbers of lines"
-        rule, remedy = "all FRFs must have the same frequency lines", "Export them separately"
-        raise RecordingFormatError(path.name, found, rule, remedy)
-    ((start, step, n_lines),) = axes
-    columns = [Column("frequency", "Hz", start + step * np.arange(n_lines))]
-    for each in sorted(used, key=lambda each: each not in frfs):
-        part = "" if each in frfs else " coherence"
-        columns += [replace(row, name=_KIND.sub("", row.name) + part) for row in each.columns]
-    ordered = with_frequency_first(path, columns)
-    assert ordered is not None
-    return frf_content(path, ordered, findings, _flat(structs))
-
-
-def _is_coherence(struct: Mapping[str, Any]) -> bool:
-    return "coherence" in str(struct.get("function_record", "")).lower()
-
-
-def _function(path: Path, variable: str, struct: Mapping[str, Any]) -> _Function:
-    where = f"{path.name}, {variable}"
-    axis, ordinate = struct["x_values"], struct["y_values"]
-    label, values = _label(axis), ordinate.get("values")
-    unit = parse_axis(label) if label else AxisUnit(TIME, 1.0)
-    is_signal = isinstance(values, np.ndarray) and values.size > 1
-    if unit is None or not is_signal or (unit.kind == TIME and _is_complex(values)):
-        rule = "functions of Testlab must be real over time, or over frequency"
-        raise RecordingFormatError(where, f"x_values in {label!r}", rule, _SAVE_AGAIN)
-    factor = _number(where, ordinate.get("quantity", {}), "unit_transformation/factor", 1.0)
-    if factor != 1.0:
-        found, rule = f"factor {factor:g}", "the values must be in the unit that is stated"
-        raise RecordingFormatError(where, found, rule, "Export in SI units")
-    step = _number(where, axis, "increment", np.nan) * unit.factor
-    start = _number(where, axis, "start_value", 0.0) * unit.factor
-    names = _texts(struct.get("function_record", {}).get("name")) or [variable]
-    signals = np.atleast_2d(np.squeeze(values).T)
-    if len(names) != len(signals):
-        names = [f"{variable} {row}" for row in range(1, len(signals) + 1)]
-    start_s = start if unit.kind == TIME else 0.0
-    columns = [
-        Column(name, _label(ordinate), samples, f"{variable}/{name}", start_s)
-        for name, samples in zip(names, signals, strict=True)
-    ]
-    return _Function(variable, unit.kind, start, step, columns)
-
-
-def _flat(values: Mapping[str, Any], place: str = "", separator: str = "/") -> dict[str, Any]:
-    """Texts and numbers of nested structs by their place."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        where = f"{place}{name}"
-        nested = isinstance(value, dict)
-        found |= _flat(value, where + separator, separator) if nested else {where: value}
-    return found
-
-
-def _label(values: Mapping[str, Any]) -> str:
-    """Unit of an axis of Testlab."""
-    quantity = values.get("quantity")
-    texts = _texts(quantity.get("label")) if isinstance(quantity, dict) else []
-    return texts[0] if texts else ""
-
-
-def _number(where: str, values: Any, place: str, usual: float) -> float:
-    """A number in nested structs; `usual` where there is none."""
-    for name in place.split("/"):
-        values = values.get(name) if isinstance(values, dict) else None
-    if values is None:
-        return usual
-    if not isinstance(values, np.ndarray) or values.size != 1 or _is_complex(values):
-        rule = "it must be one number"
-        raise RecordingFormatError(where, f"{place}: another value", rule, _SAVE_AGAIN)
-    return float(values.ravel()[0])
 
 
 def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -239,18 +130,18 @@ def _unwrapped(variables: Mapping[str, Any]) -> Mapping[str, Any]:
 def _sorted(variables: Mapping[str, Any]) -> _Variables:
     found = _Variables()
     for name, value in variables.items():
-        if plain_name(name) in _NAMES and _texts(value):
-            found.names = _texts(value)
+        if plain_name(name) in _NAMES and texts(value):
+            found.names = texts(value)
         elif plain_name(name) in _UNITS and not isinstance(value, np.ndarray):
-            found.units = value if isinstance(value, dict) else _texts(value)
-        elif _is_complex(value) and value.size > 1:
+            found.units = value if isinstance(value, dict) else texts(value)
+        elif is_complex(value) and value.size > 1:
             _sort_array(name, value, found)
-        elif _is_complex(value):
+        elif is_complex(value):
             found.left_out[name] = "a complex number"
         elif states_rate(name) and not isinstance(value, LeftOut):
             found.rates[name] = value
         elif states_treatment(name, value):
-            found.treatment |= _flat({name: value}, separator=" ")
+            found.treatment |= flat({name: value}, separator=" ")
         elif isinstance(value, np.ndarray) and value.size != 1:
             _sort_array(name, value, found)
         elif structs := _structs(name, value):
@@ -274,7 +165,10 @@ def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables, above
     """Channels of a struct and of those in it, for which its axes hold too; rates of settings."""
     arrays = {k: v for k, v in fields.items() if isinstance(v, np.ndarray) and v.size > 1}
     vectors = {k: v.reshape(-1, order="F") for k, v in arrays.items() if v.size in v.shape}
-    axes = {k: v for k, v in vectors.items() if is_time(k, "") or are_lines(_bare(k, v))} or above
+    axes = {k: v for k, v in vectors.items() if is_time(k, "") or are_lines(_bare(k, v))}
+    if not axes and len(vectors) == 2:  # x and y
+        axes = {k: v for k, v in vectors.items() if plain_name(k) in _X and rises_evenly(v)}
+    axes = axes or above
     signals = {name: each for name, each in vectors.items() if name not in axes}
     nested = [_structs(f"{place}.{name}", value) for name, value in fields.items()]
     for name, inner in (item for each in nested for item in each.items()):
@@ -286,13 +180,9 @@ def _sort_struct(place: str, fields: Mapping[str, Any], found: _Variables, above
     found.rates |= {each: rate for each, rate in rates.items() if not isinstance(rate, LeftOut)}
     if signals:
         found.of_structs.append(_Signals(place, fields, axes, signals))
-        found.treatment |= _flat({k: v for k, v in fields.items() if states_treatment(k, v)})
+        found.treatment |= flat({k: v for k, v in fields.items() if states_treatment(k, v)})
     elif not (odd or rates or any(nested)):
         found.left_out[place] = "a struct"
-
-
-def _is_complex(value: Any) -> bool:
-    return isinstance(value, np.ndarray) and value.dtype.kind == "c"
 
 
 def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
@@ -303,14 +193,6 @@ def _sort_array(name: str, value: NDArray[Any], found: _Variables) -> None:
         found.matrices[name] = value.reshape(sides, order="F")
     else:
         found.left_out[name] = f"an array of {' × '.join(map(str, value.shape))}"
-
-
-def _texts(value: Any) -> list[str]:
-    """Texts of a cell array, a character matrix or a single text; none where there are others."""
-    values = [value] if isinstance(value, str) else value
-    if isinstance(values, list) and all(isinstance(each, str) for each in values):
-        return [each.strip() for each in values]
-    return []
 
 
 def _columns(path: Path, found: _Variables) -> list[Column]:
@@ -336,7 +218,8 @@ def _columns(path: Path, found: _Variables) -> list[Column]:
         held = ", ".join(f"{name} ({why})" for name, why in found.left_out.items())
         what = f"no vectors or matrices of numbers beside {held or 'time'}"
         raise RecordingFormatError(path.name, what, _LAYOUTS, _SAVE_AGAIN)
-    columns = [_axis(name, found.vectors[name]) for name in times]
+    of_axes = found.units if isinstance(found.units, dict) else {}
+    columns = [_axis(name, found.vectors[name], of_axes.get(name)) for name in times]
     if found.matrices:
         units = _units(found, found.names)
         for name, matrix in found.matrices.items():
@@ -384,7 +267,7 @@ def _columns_of_structs(path: Path, structs: Sequence[_Signals]) -> list[Column]
     same_start = len({str(each.starts.values()) for each in structs}) < 2
     columns = []
     for each in structs:
-        columns += [_axis(name, samples) for name, samples in each.axes.items()]
+        columns += [_axis(name, samples, each.unit_of_x) for name, samples in each.axes.items()]
         start_s = 0.0 if same_start else stated_start_s(path, each.starts)
         is_one, texts = len(each.signals) == 1, each.texts
         _check_scaled(f"{path.name}, {each.place}", each.fields, each.signals)
@@ -405,10 +288,13 @@ def _check_scaled(where: str, names: Iterable[str], signals: Mapping[str, NDArra
         raise RecordingFormatError(where, f"{scales[0]} of integers", rule, "Save them scaled")
 
 
-def _axis(name: str, samples: NDArray[Any]) -> Column:
-    """A time or frequencies, with the unit in the name."""
+def _axis(name: str, samples: NDArray[Any], stated: Any = None) -> Column:
+    """A time or frequencies, with the unit that is stated or in the name."""
     column = _bare(name, samples)
+    if isinstance(stated, str) and is_stated(stated):
+        return replace(column, unit=stated.strip())
     unit = label_of_axis(name)[1] or "s" if is_time(name, "") else unit_of_lines(column)
+    unit = unit if parse_axis(unit) else ""
     return replace(column, unit=unit)
 
 

@@ -298,3 +298,26 @@ class Mat5Reader:
         if shape[0] <= 1 or len(text) != math.prod(shape):
             return text
         return [text[row :: shape[0]].rstrip() for row in range(shape[0])]
+
+
+def flat(values: Mapping[str, Any], place: str = "", separator: str = "/") -> dict[str, Any]:
+    """Texts and numbers of nested structs by their place."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        where = f"{place}{name}"
+        nested = isinstance(value, dict)
+        found |= flat(value, where + separator, separator) if nested else {where: value}
+    return found
+
+
+def is_complex(value: Any) -> bool:
+    """Whether a value is an array of complex numbers."""
+    return isinstance(value, np.ndarray) and value.dtype.kind == "c"
+
+
+def texts(value: Any) -> list[str]:
+    """Texts of a cell array, a character matrix or a single text; none where there are others."""
+    values = [value] if isinstance(value, str) else value
+    if isinstance(values, list) and all(isinstance(each, str) for each in values):
+        return [each.strip() for each in values]
+    return []
