@@ -75,6 +75,15 @@ DIALECTS = (
         _csv(f"thousands by {sign!r}", _thousands(sign), Read(first={"force": (1e4 * FORCE[0],)}))
         for sign in ("'", "\u2019", " ", "\u00a0", "\u202f")
     ),
+    *(
+        _csv(
+            f"integers below {line!r}",
+            f"{line}\n" + _TABLE.replace(".0,", ",").replace(".0\n", "\n"),
+            bad_file("a.csv", "above integers"),
+        )
+        for line in ("Scale factor,0.01,0.02", "Gain: 10", "Volts per count,1,0.5")
+    ),
+    _csv("integers with factors of one", f"Gain,1,1.0\n{_TABLE}", _AS_WRITTEN),
     _csv(
         "numbers between blanks under one name",
         "Force of run 3\n" + "".join(f"{101 + k} {201 + k}\n" for k in range(N)),

@@ -20,12 +20,15 @@ from ema.io.content import (
     left_out,
     reading,
     refuse_result,
+    states_scale,
 )
-from ema.io.rates import stated_rate
+from ema.io.frf_table import frf_content, with_frequency_first
+from ema.io.stated import stated_rate
 
 ReadColumn = Callable[[int], pa.ChunkedArray]
 
 SUFFIXES = (".parquet", ".feather", ".arrow")
+_SCALED = "Save the scaled numbers"
 _FEATHER_1 = b"FEA1"
 _ARROW_FILE = b"ARROW1"
 _BEFORE_STREAM = 8  # bytes of the padded magic; what follows in a file is a stream
@@ -47,12 +50,14 @@ def read(path: Path) -> FileContent:
         schema, read_column = _parquet(path) if parquet else _ipc(path)
         refuse_result(path, schema.names)
         kept = _kept(path, schema)
-        columns = [_column(schema.field(index), read_column(index)) for index in kept]
+        columns = [_column(path.name, schema.field(i), read_column(i)) for i in kept]
         metadata = {key.decode("latin-1"): value for key, value in (schema.metadata or {}).items()}
     others = [name for index, name in enumerate(schema.names) if index not in kept]
     findings = left_out(path, dict.fromkeys(others, "a column of something other than numbers"))
+    if (of_frfs := with_frequency_first(path, columns)) is not None:
+        return frf_content(path, of_frfs, findings, metadata)
     rate = stated_rate(path, metadata)
-    return content_of_columns(path, columns, rate=rate, findings=findings)
+    return content_of_columns(path, columns, rate=rate, findings=findings, statements=metadata)
 
 
 def _parquet(path: Path) -> tuple[pa.Schema, ReadColumn]:
@@ -99,13 +104,18 @@ def _is_stamp(field: pa.Field) -> bool:
     return bool(types.is_timestamp(field.type) or types.is_duration(field.type))
 
 
-def _column(field: pa.Field, values: pa.ChunkedArray) -> Column:
+def _column(where: str, field: pa.Field, values: pa.ChunkedArray) -> Column:
     values.validate()  # until then, lengths are what the file claims
     if _is_stamp(field):  # time since the first stamp, exact for any date
         stamps = values.to_numpy()
         return Column("time", "s", (stamps - stamps[:1]) / np.timedelta64(1, "s"))
     name, unit = name_and_unit(field.name)
-    stated = (field.metadata or {}).get(b"unit", b"").decode("utf-8", "replace")
+    about = {k.decode("utf-8", "replace"): v for k, v in (field.metadata or {}).items()}
+    stated = about.get("unit", b"").decode("utf-8", "replace")
+    scales = [key for key in about if states_scale(key)]
+    if scales and types.is_integer(field.type):
+        rule = "integers must be in the unit they state"
+        raise RecordingFormatError(f"{where}, {name}", f"{scales[0]} of integers", rule, _SCALED)
     # One piece without gaps is a view of the file where that is mapped.
     samples = values.chunk(0) if values.num_chunks == 1 else values
     return Column(name, unit or stated.strip(), np.asarray(samples))

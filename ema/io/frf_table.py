@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,8 +19,8 @@ from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
 from ema.io.columns import Column, is_time, label_of_axis
-from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, note, point_of, stated_windows
-from ema.io.rates import NARROW, even_step, uneven
+from ema.io.content import EXPORT_AGAIN, NOWHERE, FileContent, Point, point_of, stated_windows
+from ema.io.rates import NARROW, even_step, last_place, uneven, usual_spacings
 
 _FREQUENCY_NAMES = {"f", "freq", "frequency", "frequenz", "frequence", "fréquence", "frequencia"}
 _FREQUENCY_WORD = re.compile(r"(?:^|[^a-z])(?:freq|frequency|frequenz|frequence)(?:[^a-z]|$)")
@@ -224,29 +225,36 @@ def _lines(path: Path, column: Column, findings: list[Finding]) -> NDArray[np.fl
     if even is None or stored[0] < 0.0:
         rule = "frequencies must be positive and at equal steps"
         raise _fault(path, column.name, uneven(stored, "Hz"), rule, EXPORT_AGAIN)
-    lines, tolerance = even
+    lines, tolerance, is_sure = even
     if tolerance > NARROW:
-        detail = f"printed frequencies leave {100 * tolerance:.2g} % open: steps of {{:.7g}} Hz"
-        findings.append(note(path, Check.SAMPLING_RATE, detail.format(lines[1] - lines[0])))
+        step = lines[1] - lines[0]
+        detail = f"printed frequencies leave {100 * tolerance:.2g} % open: steps of {step:.7g} Hz"
+        verdict = Verdict.OK if is_sure else Verdict.WARNING
+        findings.append(Finding(path.name, "", None, Check.SAMPLING_RATE, verdict, detail))
     return lines
 
 
-def _even_lines(stored: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
-    """Lines of an even grid from rounded ones, and by how much (relative) their step may be wrong.
+def _even_lines(stored: NDArray[np.float64]) -> tuple[NDArray[np.float64], float, bool] | None:
+    """Lines of an even grid from rounded ones; None where they are not equidistant.
 
-    A grid that goes through zero within the rounding does so. None where they are not equidistant.
+    Beside them by how much (relative) their step may be wrong, and whether it is the likeliest.
     """
     steps = even_step(stored)
     if steps is None:
         return None
-    numbers = np.arange(len(stored))
-    ahead = stored - steps.step * numbers
-    offset = float(np.mean(ahead))  # the first line alone is rounded like the others
-    rounding = float(np.max(np.abs(ahead - offset))) + steps.tolerance * float(np.ptp(stored))
-    first = np.rint(offset / steps.step)
-    if abs(offset - first * steps.step) <= max(rounding, _SAME_LINE * steps.step):
-        offset = float(first * steps.step)
-    return np.asarray(offset + steps.step * numbers), steps.tolerance
+    numbers = np.rint(stored[0] / steps.step) + np.arange(len(stored))
+    half = last_place(stored) / 2
+    if steps.tolerance > NARROW and numbers[0] >= 0 and math.isfinite(half):
+        behind = numbers > 0  # each line leaves a range of steps for a grid through zero
+        low = float(np.max((stored[behind] - half) / numbers[behind]))
+        high = float(np.min((stored[behind] + half) / numbers[behind]))
+        if low <= high:
+            usual = usual_spacings(low, high)
+            step = usual[0] if len(usual) == 1 else (low + high) / 2
+            return step * numbers, (high - low) / (2 * step), len(usual) == 1
+    offset = float(np.mean(stored - steps.step * numbers))  # the first is rounded like the others
+    offset = 0.0 if abs(offset) <= _SAME_LINE * steps.step else offset
+    return offset + steps.step * numbers, steps.tolerance, steps.tolerance <= NARROW
 
 
 def _grouped(path: Path, columns: Sequence[Column]) -> list[_Parts]:

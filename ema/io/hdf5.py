@@ -30,12 +30,13 @@ from ema.io.content import (
     states_scale,
 )
 from ema.io.frf_table import frf_content, with_frequency_first
-from ema.io.rates import stated_rate, stated_start_s, states_rate, states_start
+from ema.io.stated import stated_rate, stated_start_s, states_rate, states_start
 
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
-_SCALES = ("scale_factor", "add_offset")  # of stored numbers, after the CF conventions
+# Of stored numbers, after the CF conventions.
+_SCALES, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
 _PICKLED_TEXT = re.compile(rb"V([^\n]*)\np[0-9]+\na")
 _PICKLED_TEXTS = re.compile(rb"\(lp[0-9]+\n(?:V[^\n]*\np[0-9]+\na)+\.")
 _SLOW = "slower than the other channels"
@@ -62,7 +63,7 @@ def read(path: Path) -> FileContent:
     stated: dict[str, Any] = {}
     for array in arrays:
         if array.samples.size == 1 and array.samples.dtype.kind != "c":
-            stated[array.path] = array.samples
+            stated |= {array.path: array.samples, f"{array.path}_unit": array.unit}
         elif array.path in kept:
             stated |= array.stated
         if not (array.path in kept or array.path in skipped or states_rate(array.name)):
@@ -172,7 +173,11 @@ def _attributes(item: Any) -> dict[str, Any]:
 
 
 def _scaled(path: Path, array: _Array) -> _Array:
-    """Samples as their attributes scale them: stored · scale_factor + add_offset."""
+    """Samples as their attributes say: missing ones, and stored · scale_factor + add_offset."""
+    missing = [np.ravel(array.attributes.get(name, ())) for name in _MISSING]
+    absent = [each[0] for each in missing if each.size == 1 and each.dtype.kind in "iuf"]
+    if absent and (gaps := np.isin(array.samples, absent)).any():
+        array = replace(array, samples=np.where(gaps, np.nan, array.samples))
     stated = [np.ravel(array.attributes.get(name, ())) for name in _SCALES]
     if not any(each.size for each in stated):
         return array

@@ -25,7 +25,7 @@ from ema.io.frf_table import (
     with_frequency_first,
 )
 from ema.io.matlab_variables import LeftOut, flat, is_complex, texts, variables_of
-from ema.io.rates import plain_name, stated_rate, stated_start_s, states_rate, states_start
+from ema.io.stated import plain_name, stated_rate, stated_start_s, states_rate, states_start
 from ema.io.testlab import is_function, of_functions
 
 SUFFIXES = (".mat",)

@@ -3,42 +3,28 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
-from ema.io.content import EXPORT_AGAIN, not_together
+from ema.io.content import EXPORT_AGAIN
 
-_RATES = {
-    *("fs", "fsamp", "fsample", "rate", "samplefrequency", "samplerate"),
-    *("samplingfrequency", "samplingrate"),
-}
-# Of a first sample: seconds, or a date and time in ISO 8601.
-_STARTS = {"t0", "x0", "starttime", "startvalue", "wfstarttime", "wfstartoffset", "timeoffset"}
-_STARTS |= {"start", "starts", "tstart", "begin", "firstsample", "delay", "latency", "lag"}
-_DELAYS = {"delay", "latency", "lag"}  # later or earlier: nobody says
-_STEPS = {"dt", "deltat", "sampleinterval", "samplinginterval", "timestep", "wfincrement"}
-
-_MOST_DIGITS = 7  # a plain number has no more
+MOST_DIGITS = 7  # a plain number has no more
 _SENSELESS = 1e100  # beyond any time or frequency; NaN and infinity are too
 _PIECE = 1 << 16  # values of a long column that are looked at together
 _UNEVEN = 0.2  # of a step: a single dropped sample deviates by at least half a step
 SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
-_SAME_STATEMENT = 1e-6  # relative, of two stated rates
 _EXACT = 1e-9  # relative, of the step of a long column in double precision
-_ROUNDING = 1e-12  # relative, of a step kept in double precision
+ROUNDING = 1e-12  # relative, of a step kept in double precision
 NARROW = 1e-5  # relative half-width from which on a rate is said to be open
 _FINEST = 9  # decimals that stamps may be rounded to
-_FEWEST_DIGITS = 3  # significant ones
+FEWEST_DIGITS = 3  # significant ones
 # Counts of date and time, by the size of their first value: seconds of one.
 _COUNTS = {
     "days of a spreadsheet": (30_000.0, 60_000.0, 86_400.0),
@@ -152,11 +138,11 @@ def parse_number(text: str) -> float:
 
 def plainest(value: float, tolerance: float) -> tuple[float, int]:
     """Number with the fewest significant digits within `tolerance` of `value`, and their number."""
-    for digits in range(1, _MOST_DIGITS + 1):
+    for digits in range(1, MOST_DIGITS + 1):
         candidate = float(f"{value:.{digits - 1}e}")
         if abs(candidate - value) <= tolerance:
             return candidate, digits
-    return value, _MOST_DIGITS + 1
+    return value, MOST_DIGITS + 1
 
 
 class Steps(NamedTuple):
@@ -284,7 +270,7 @@ def _rounded_step(stamps: NDArray[np.float64]) -> Steps | None:
     if not step > 0.0:
         return None
     deviation = np.abs(stamps - (stamps.mean() + step * index))
-    for places in (_last_place(stamps), _last_digits(stamps)):
+    for places in (last_place(stamps), _last_digits(stamps)):
         tolerance = float(np.max(places)) / (step * (len(stamps) - 1))
         if tolerance < _UNEVEN and np.all(
             deviation <= (1 + tolerance) * places / 2 + _UNEVEN * step
@@ -293,7 +279,7 @@ def _rounded_step(stamps: NDArray[np.float64]) -> Steps | None:
     return None
 
 
-def _last_place(stamps: NDArray[np.float64]) -> float:
+def last_place(stamps: NDArray[np.float64]) -> float:
     """The decimal place to which all stamps are rounded; infinite where there is none."""
     since = stamps - stamps[0]
     fitting = (d for d in range(_FINEST + 1) if _are_whole(since * 10.0**d))
@@ -303,8 +289,8 @@ def _last_place(stamps: NDArray[np.float64]) -> float:
 def _last_digits(stamps: NDArray[np.float64]) -> NDArray[np.float64]:
     """The last place of each stamp, if all have equally many significant digits; else infinite."""
     size = np.abs(stamps)
-    decades = 10.0 ** np.floor(np.log10(np.maximum(size, size[size > 0].min())) + _ROUNDING)
-    places = (decades * 10.0 ** (1 - digits) for digits in range(_FEWEST_DIGITS, _MOST_DIGITS + 1))
+    decades = 10.0 ** np.floor(np.log10(np.maximum(size, size[size > 0].min())) + ROUNDING)
+    places = (decades * 10.0 ** (1 - digits) for digits in range(FEWEST_DIGITS, MOST_DIGITS + 1))
     return next((each for each in places if _are_whole(stamps / each)), np.full(1, np.inf))
 
 
@@ -334,6 +320,13 @@ def count_of_dates(stamps: NDArray[np.float64]) -> tuple[str, float]:
     return "", 1.0
 
 
+def usual_spacings(low_hz: float, high_hz: float) -> list[float]:
+    """Spacings of lines within a range that analysers have: rates over powers of two."""
+    tens = 10.0 ** np.arange(-6, 7)
+    found = {float(each) for each in np.outer(tens, 2.0 ** np.arange(-24, 25)).ravel()}
+    return sorted(each for each in found if low_hz <= each <= high_hz)
+
+
 def _is_usual(hz: float) -> bool:
     """Whether acquisition hardware has a rate."""
     return bool(np.min(np.abs(_KNOWN - hz)) <= SAME_RATE * hz)
@@ -354,89 +347,3 @@ def uneven(stamps: NDArray[np.float64], unit: str = "s") -> str:
         f"{axis} goes from {stamps[row]:g} {unit} to {stamps[row + 1]:g} {unit} at row {row + 2} "
         f"of {len(stamps)}, elsewhere in steps of {usual:g} {unit}"
     )
-
-
-def states_rate(name: str) -> bool:
-    """Whether a variable or attribute of this name states a sampling rate or a time step."""
-    return plain_name(name) in _RATES | _STEPS
-
-
-def stated_rate(path: Path, statements: Mapping[str, object]) -> Rate:
-    """Sampling rate that all statements agree on; without a value where there is none.
-
-    `statements` are numbers, texts or arrays of one number by name, perhaps with their place
-    before a last slash. Names that do not state a rate are skipped.
-    """
-    rates = [
-        _stated(path, place, name, value)
-        for place, value in statements.items()
-        if states_rate(name := place.rpartition("/")[2])
-    ]
-    first = min(rates, key=lambda each: each.high_hz - each.low_hz, default=UNSTATED)
-    for other in rates:
-        is_within = other.is_open and other.allows(first.hz)
-        if abs(other.hz - first.hz) > _SAME_STATEMENT * first.hz and not is_within:
-            found = f"{first.hz:g} Hz by {first.source}, {other.hz:g} Hz by {other.source}"
-            raise not_together(path, found)
-    return first
-
-
-def states_start(name: str) -> bool:
-    """Whether a variable or attribute of this name states when a channel starts."""
-    return plain_name(name) in _STARTS
-
-
-def stated_start_s(path: Path, statements: Mapping[str, object]) -> float:
-    """Start of a channel by what is stated of it, by place; 0 where nothing states it."""
-    start_s = 0.0
-    for place, value in statements.items():
-        if not states_start(place.rpartition("/")[2]):
-            continue
-        if plain_name(place.rpartition("/")[2]) in _DELAYS:
-            rule = "channels differ in it, and a delay may count either way"
-            remedy = "State t0, the time of the first sample, or export them aligned"
-            raise RecordingFormatError(f"{path.name}, {place}", f"{value}", rule, remedy)
-        stated = value.item() if isinstance(value, np.ndarray | np.generic) else value
-        text = stated.decode("latin-1") if isinstance(stated, bytes) else str(stated)
-        try:
-            start_s += _seconds(text)
-        except ValueError:
-            rule = "a start must be a number of seconds, or date and time as in ISO 8601"
-            where = f"{path.name}, {place}"
-            raise RecordingFormatError(where, repr(text[:40]), rule, EXPORT_AGAIN) from None
-    return start_s
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        return datetime.fromisoformat(text).timestamp()
-    if not math.isfinite(seconds):
-        raise ValueError(text)
-    return seconds
-
-
-def plain_name(name: str) -> str:
-    """A name without case, separators and its unit Hz."""
-    return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
-
-
-def _stated(path: Path, place: str, name: str, value: Any) -> Rate:
-    try:
-        number = value.item() if isinstance(value, np.ndarray | np.generic) else value
-        text = number.decode("latin-1") if isinstance(number, bytes) else number
-        is_step = plain_name(name) not in _RATES
-        if is_step and isinstance(text, str):
-            return rate_of_step(text, repr(place))
-        hz = float(text.strip().removesuffix("Hz") if isinstance(text, str) else text)
-        if is_step and _FEWEST_DIGITS <= plainest(hz, _ROUNDING * hz)[1] < _MOST_DIGITS:
-            return rate_of_step(f"{hz:.{_MOST_DIGITS}g}", repr(place))  # as somebody typed it
-        if is_step:
-            hz = plainest(1.0 / hz, _ROUNDING / hz)[0]
-    except (ArithmeticError, TypeError, ValueError):
-        hz = math.nan
-    if is_possible(hz):
-        return exact_rate(hz, repr(place))
-    rule = "a sampling rate in Hz or a time step in s must be one positive number"
-    raise RecordingFormatError(f"{path.name}, {place}", repr(str(value)[:40]), rule, EXPORT_AGAIN)

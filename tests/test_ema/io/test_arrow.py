@@ -186,5 +186,21 @@ def test_no_damage_escapes_as_another_exception(tmp_path_factory, data):
     assert recording.block(0, recording.n_samples).shape[1] == recording.n_samples
 
 
+def test_frfs(tmp_path):
+    lines, values = np.arange(1.0, 41.0), np.exp(0.1j * np.arange(40))
+    parts = {"H1 real [g/N]": values.real, "H1 imag [g/N]": values.imag}
+    pa.parquet.write_table(pa.table({"frequency": lines, **parts}), tmp_path / "a.parquet")
+    found = read(tmp_path / "a.parquet").frf
+    np.testing.assert_allclose(found.frequency_hz, lines)
+    np.testing.assert_allclose(found.values, [9.80665 * values])
+
+
+def test_integers_with_a_scale_are_refused(tmp_path):
+    field = pa.field("A01", pa.int16(), metadata={"unit": "g", "scale": "0.001"})
+    pa.parquet.write_table(pa.table([ANGLES], schema=pa.schema([field])), tmp_path / "a.parquet")
+    with pytest.raises(RecordingFormatError, match="scale of integers"):
+        read(tmp_path / "a.parquet")
+
+
 def test_the_endings_are_known():
     assert {".parquet", ".feather", ".arrow"} <= set(READERS)

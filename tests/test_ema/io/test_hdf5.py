@@ -328,6 +328,15 @@ def test_integers_are_scaled_as_their_attributes_say(tmp_path, layout, scales):
     np.testing.assert_allclose(force.block(0, 60), counts * factor + scales.get("add_offset", 0))
 
 
+def test_fill_values_are_missing_samples(tmp_path):
+    samples = np.where(np.arange(N) == 7, -9999.0, NOISE[:, 0])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["force"] = samples
+        file["force"].attrs.update({"_FillValue": [-9999.0], "unit": "N"})
+    (force,) = read_file(tmp_path / "a.h5").recording.channels
+    assert np.flatnonzero(np.isnan(force.block(0, N))).tolist() == [7]
+
+
 def test_integers_with_a_gain_are_doubted(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs["fs"] = RATE_HZ

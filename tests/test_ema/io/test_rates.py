@@ -1,7 +1,9 @@
 """Sampling rates of printed steps and rounded stamps; starts of channels; columns that count."""
 
+import h5py
 import numpy as np
 import pytest
+import scipy.io
 
 from ema.core.errors import InputError
 from ema.core.finding import Check, Verdict
@@ -104,6 +106,79 @@ def test_a_spectrum_beside_a_recording_is_no_sensor(tmp_path):
     assert read_file(path).recording.names == ("A",)
     sweep = csv(tmp_path, header.format("f [Hz]"), (t, noise[:, 0], 20 + t, noise[:, 1]))
     assert read_file(sweep).recording.names == ("A", "Amplitude")
+
+
+@pytest.mark.parametrize("names", [("X1", "X2"), ("X", "X"), ("time", "X2"), ("F_x", "A_x")])
+def test_a_second_time_without_a_name_is_compared(tmp_path, names):
+    t, noise = np.arange(400) / 512, NOISE[:400]
+    header = f"{names[0]},F [N],{names[1]},A [g]"
+    path = csv(tmp_path, header, (t, noise[:, 0], t / 2, noise[:, 1]))
+    with pytest.raises(InputError, match=r"512 Hz by .*1024 Hz by"):
+        read_file(path)
+    late = read_file(csv(tmp_path, header, (t, noise[:, 0], t + 10 / 512, noise[:, 1])))
+    np.testing.assert_array_equal(late.recording.channels[0].samples, noise[10:, 0])
+
+
+@pytest.mark.parametrize("key", ["Start [s]", "Begin", "t_start", "First sample", "Start [ms]"])
+def test_rows_of_starts(tmp_path, key):
+    late = 10 / 512 * (1e3 if "ms" in key else 1.0)
+    path = csv(tmp_path, f"{key},0,{late}\nfs,512\nF [N],A [g]", NOISE[:400].T)
+    found = read_file(path).recording
+    np.testing.assert_array_equal(found.channels[0].samples, NOISE[10:400, 0])
+
+
+def test_delays_that_differ_are_refused(tmp_path):
+    above = "Trigger delay [s],0,{}\nfs,512\nF [N],A [g]"
+    with pytest.raises(InputError, match="either way"):
+        read_file(csv(tmp_path, above.format(10 / 512), NOISE[:400].T))
+    assert read_file(csv(tmp_path, above.format(0), NOISE[:400].T)).recording.n_samples == 400
+
+
+@pytest.mark.parametrize(
+    ("line", "hz"),
+    [
+        ("Sample rate: 2.05 kHz", 2048.0),
+        ("Sample rate: 1706.7", 51200 / 30),
+        ("Sample rate: 2050", 2050.0),
+        ("Sample rate: 51.2 kHz", 51200.0),
+        ("Sample rate: 2.0507 kHz", 2050.7),
+    ],
+)
+def test_a_printed_rate_is_an_interval(tmp_path, line, hz):
+    recording = read_file(csv(tmp_path, f"{line}\nF [N],A [g]", NOISE.T)).recording
+    assert recording.sampling_rate_hz == pytest.approx(hz, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("step", "hz"), [(0.000488, 2048.0), (1 / 2048, 2048.0), (0.0003, 1e4 / 3)]
+)
+def test_a_step_that_somebody_typed_is_an_interval(tmp_path, step, hz):
+    scipy.io.savemat(tmp_path / "a.mat", {"dt": step, "F": NOISE[:, 0], "A": NOISE[:, 1]})
+    found = read_file(tmp_path / "a.mat").recording
+    assert found.sampling_rate_hz == pytest.approx(hz, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        {"fs": 2.048, "fs_unit": "kHz"},
+        {"fs": "2.048 kHz"},
+        {"dt": 1e3 / 2048, "dtUnit": "ms"},
+        {"fs": 2048.0, "fs_units": "Hz"},
+    ],
+)
+def test_the_unit_of_a_rate_counts(tmp_path, stated):
+    scipy.io.savemat(tmp_path / "a.mat", {**stated, "F": NOISE[:, 0], "A": NOISE[:, 1]})
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.attrs.update(stated)
+        file["F"], file["A"] = NOISE.T
+    for name in ("a.mat", "a.h5"):
+        found = read_file(tmp_path / name)
+        assert found.recording.sampling_rate_hz == pytest.approx(2048, rel=1e-12)
+        assert found.findings == ()
+    scipy.io.savemat(tmp_path / "b.mat", {"fs": 2.0, "fs_unit": "furlong", "F": NOISE[:, 0]})
+    with pytest.raises(InputError, match="furlong"):
+        read_file(tmp_path / "b.mat")
 
 
 def test_a_second_column_of_time_is_no_sensor(tmp_path):

@@ -91,6 +91,29 @@ def test_frfs_whose_columns_are_not_named_are_no_time_series(tmp_path, above):
         read_file(tmp_path / "a.txt")
 
 
+@pytest.mark.parametrize(
+    "name", ["ω [1/s]", "omega", "Kreisfrequenz [1/s]", "Angular frequency", "freq_rad"]
+)
+def test_angular_frequencies(tmp_path, name):
+    header = f"{name},H1 real [m/s^2/N],H1 imag [m/s^2/N]"
+    content = read(tmp_path, header, *parts(FIRST), frequency=OMEGA)
+    np.testing.assert_allclose(content.frf.frequency_hz, LINES, rtol=1e-9)
+
+
+@pytest.mark.parametrize("decimals", [1, 2, 3])
+def test_frequencies_of_few_decimals(tmp_path, decimals):
+    """The first line is rounded like the others, and no better known."""
+    lines = np.arange(1, 41) * 0.9765625
+    header = "f [Hz],H1 real [m/s^2/N],H1 imag [m/s^2/N]"
+    content = read(tmp_path, header, *parts(FIRST), frequency=lines.round(decimals))
+    np.testing.assert_allclose(content.frf.frequency_hz, lines, atol=10.0**-decimals / 10)
+
+
+def test_decibels_of_a_real_part_are_refused(tmp_path):
+    with pytest.raises(RecordingFormatError, match="never in decibels"):
+        read(tmp_path, "f [Hz],H1 real [dB re 1 g/N],H1 imag [dB re 1 g/N]", *parts(FIRST))
+
+
 def test_units_in_a_row_of_their_own(tmp_path):
     header = "Frequency,H1 real,H1 imag\nHz,m/s^2/N,m/s^2/N"
     content = read(tmp_path, header, *parts(FIRST))
