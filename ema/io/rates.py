@@ -23,6 +23,7 @@ SAME_RATE = 1e-4  # relative, of a stated rate and that of a rounded time column
 _EXACT = 1e-9  # relative, of the step of a long column in double precision
 ROUNDING = 1e-12  # relative, of a step kept in double precision
 NARROW = 1e-5  # relative half-width from which on a rate is said to be open
+_COARSE = 1e-2  # of a rate printed with one or two digits, which are meant: 7e3
 _FINEST = 9  # decimals that stamps may be rounded to
 FEWEST_DIGITS = 3  # significant ones
 # Counts of date and time, by the size of their first value: seconds of one.
@@ -209,7 +210,7 @@ def rate_of_text(printed: str, source: str, factor: float = 1.0) -> Rate:
     """
     value, place, _ = _printed(printed)
     hz = value * factor
-    if place / 2 <= NARROW or printed.isdigit():
+    if not NARROW < place / 2 < _COARSE or printed.isdigit():
         return exact_rate(hz, source)
     rate = likeliest(hz * (1 - place / 2), hz * (1 + place / 2), hz, f"{source} = {printed}")
     if np.min(np.abs(_KNOWN - hz)) <= _EXACT * hz or rate.hz not in _KNOWN:

@@ -142,6 +142,7 @@ def test_delays_that_differ_are_refused(tmp_path):
         ("Sample rate: 2050", 2050.0),
         ("Sample rate: 51.2 kHz", 51200.0),
         ("Sample rate: 2.0507 kHz", 2050.7),
+        ("Sample rate: 7e3", 7000.0),
     ],
 )
 def test_a_printed_rate_is_an_interval(tmp_path, line, hz):
