@@ -112,11 +112,13 @@ for _text, _unit in _KNOWN.items():
     _KNOWN_LOWER[_text.lower()] = None if _text.lower() in _KNOWN_LOWER else _unit
 
 
+@lru_cache(NAMES_KEPT)
 def is_stated(text: str) -> bool:
     """Whether `text` states a unit at all (not empty, ``NONE`` or a dash)."""
     return _normalise(text).lower() not in _NOTHING
 
 
+@lru_cache(NAMES_KEPT)
 def parse_unit(text: str) -> Unit | None:
     """Quantity and SI factor of a unit such as ``"mm/s2"``; None where it is empty or not known."""
     plain = _normalise(text)
@@ -161,6 +163,7 @@ def unit_in_name(name: str, *, guess: bool = False) -> str:
     return text if guess or said or "/" in text or _normalise(text) in _CLEAR_UNITS else ""
 
 
+@lru_cache(NAMES_KEPT)
 def parse_ratio(text: str) -> tuple[Unit, Unit] | None:
     """Numerator and denominator of a unit of motion over force, e.g. ``"(m/s^2)/N"``."""
     numerator, slash, denominator = _normalise(text).rpartition("/")
@@ -183,6 +186,7 @@ _AXES |= {text: AxisUnit(FREQUENCY, factor) for text, factor in _FREQUENCY_HZ.it
 _AXES_LOWER = {text.lower(): unit for text, unit in _AXES.items() if text not in ("mHz", "MHz")}
 
 
+@lru_cache(NAMES_KEPT)
 def parse_axis(text: str) -> AxisUnit | None:
     """Kind and factor of a unit such as ``"ms"`` or ``"rad/s"``; None where it is not known."""
     plain = _normalise(text)

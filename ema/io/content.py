@@ -322,6 +322,7 @@ _SCALE = re.compile(
 )
 
 
+@lru_cache(NAMES_KEPT)
 def states_scale(name: str) -> bool:
     """Whether a name is one of a factor or an offset of stored numbers."""
     return _SCALE.fullmatch(name.strip()) is not None

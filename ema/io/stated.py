@@ -6,13 +6,14 @@ import math
 import re
 from collections.abc import Mapping
 from datetime import datetime
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ema.core.errors import RecordingFormatError
-from ema.core.units import FREQUENCY, TIME, AxisUnit, is_stated, parse_axis
+from ema.core.units import FREQUENCY, NAMES_KEPT, TIME, AxisUnit, is_stated, parse_axis
 from ema.io.content import EXPORT_AGAIN, not_together
 from ema.io.rates import (
     FEWEST_DIGITS,
@@ -42,6 +43,7 @@ _AMOUNT = re.compile(r"\s*([-+0-9.eEdD]+)\s*([A-Za-zµμ][A-Za-z/]*)?\s*")
 _SAME_STATEMENT = 1e-6  # relative, of two stated rates
 
 
+@lru_cache(NAMES_KEPT)
 def states_rate(name: str) -> bool:
     """Whether a variable or attribute states a sampling rate, a time step, or the unit of one."""
     return plain_name(_UNIT_OF.sub("", name)) in _RATES | _STEPS
@@ -110,6 +112,7 @@ def _seconds(text: str) -> float:
     return seconds
 
 
+@lru_cache(NAMES_KEPT)
 def plain_name(name: str) -> str:
     """A name without case, separators and its unit Hz."""
     return re.sub(r"[_\s-]", "", name.lower()).removesuffix("hz")
