@@ -363,15 +363,8 @@ def aligned(
     """
     lengths = list(lengths) or [channel.n_samples for channel in channels]
     late = np.array(starts_s) - min(starts_s)
-    if late.any() and not rate_hz > 0:
-        found = f"channels begin up to {late.max():.6g} s apart"
-        rule, remedy = (
-            "their sampling rate must be known",
-            "State it, as in 'Sampling rate: 2048 Hz'",
-        )
-        raise RecordingFormatError(path.name, found, rule, remedy)
     if late.any():
-        late *= rate_hz
+        late *= _known(path, rate_hz, late.max())
     first, last = (channels[int(place)] for place in (np.argmin(late), np.argmax(late)))
     apart = f"{last.name!r} begins {np.ptp(starts_s):.6g} s after {first.name!r}"
     whole = np.rint(late)
@@ -398,6 +391,15 @@ def aligned(
         else replace(channel, samples=channel.samples[start : start + n_samples])
         for channel, start in zip(channels, begin.tolist(), strict=True)
     )
+
+
+def _known(path: Path, rate_hz: float, late_s: float) -> float:
+    """A sampling rate by which starts can be compared."""
+    if rate_hz > 0:
+        return rate_hz
+    found, rule = f"channels begin up to {late_s:.6g} s apart", "their sampling rate must be known"
+    remedy = "State it in the file, as in 'Sampling rate: 2048 Hz'"
+    raise RecordingFormatError(path.name, found, rule, remedy)
 
 
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
