@@ -70,9 +70,10 @@ def test_the_error_bar_of_the_torsion_holds_that_of_the_masses(result):
 
 
 def test_torsion_narrows_the_circumferential_stiffness(result):
-    name = "circumferential_stiffness_n_m3"
+    """Where the ± hold an order 1 that is wrong by 2.5 %, as of a rim that yields."""
+    name, doubted = "circumferential_stiffness_n_m3", Options(tuning={"order_1": {"std": 0.025}})
     with_it, without = (
-        tune(each, Options()).tuning for each in (result, replace(result, other_modes=()))
+        tune(each, doubted).tuning for each in (result, replace(result, other_modes=()))
     )
     true = getattr(Laboratory(EFFECTS).tyre.ring, name)
     assert with_it.std[name] < 0.5 * without.std[name]
