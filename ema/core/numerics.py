@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _ARRAY = re.compile(r"NDArray\[np\.(\w+)\]")
 # Answers kept for one object: two bands for two estimators, four draws of the noise.
 _KEPT_ANSWERS = 8
+# Steps towards a fixed point that differ by less than this share of the largest are alike.
+_ALIKE = 1e-3
 # A variable of the context: fits in other threads are not stopped.
 _STOP: ContextVar[Callable[[], bool] | None] = ContextVar("stop", default=None)
 
@@ -90,6 +92,22 @@ def frame_of(columns: Mapping[Any, Any], whole: Sequence[str] = ()) -> pd.DataFr
         return np.array(values) if isinstance(values, np.ndarray) else list(values)
 
     return pd.DataFrame({name: column(name, values) for name, values in columns.items()})
+
+
+def towards_fixed_point(
+    tried: Sequence[NDArray[Any]], found: Sequence[NDArray[Any]], size: NDArray[np.float64]
+) -> NDArray[Any]:
+    """Where to look next for x = g(x), from some x that were tried and g of each (Anderson 1965).
+
+    Going on from each g(x) is slow where x runs round in circles on its way. `size` is how much
+    of each number counts alike.
+    """
+    steps = (np.array(found) - np.array(tried)) / size
+    if len(steps) < 2:
+        return found[-1]
+    steps = np.concatenate([steps.real, steps.imag], axis=1).reshape(len(steps), -1)
+    share = np.linalg.lstsq(np.diff(steps, axis=0).T, steps[-1], rcond=_ALIKE)[0]
+    return np.asarray(found[-1] - np.tensordot(share, np.diff(found, axis=0), 1))
 
 
 def _is_frozen(array: NDArray[Any]) -> bool:

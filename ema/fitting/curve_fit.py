@@ -36,7 +36,7 @@ from ema.fitting.fit_steps import (
     std_of_unseen_pairs,
 )
 from ema.fitting.listing import Choice, Key, Row, Settled
-from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import PoleFit, evaluate
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.run_states import with_states

@@ -27,7 +27,7 @@ from ema.fitting.curve_fit import (
 from ema.fitting.joint_modes import JointModes
 from ema.fitting.joint_orders import joint_curves
 from ema.fitting.listing import Choice, Key, Row, Settled, listed
-from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
 from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Real

@@ -22,7 +22,7 @@ from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.evidence import std_over_positions
-from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.variable_projection import Complex, Real
@@ -44,8 +44,10 @@ _MIXED_JOINTLY = 0.02
 _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
-# Poles closer than this share of their half-width are one at first.
+# Poles closer than this share of their half-width are one at first …
 _CLOSE = 0.5
+# … and closer than this where runs have states of their own, which two poles explain instead.
+_CLOSE_IN_RUNS = 1.0
 # Without a circle that could tell their orders, poles closer than this are one at first …
 _SAME = 0.15
 # … if their residues together have this share of their power in one order, or this MAC.
@@ -375,8 +377,10 @@ def cleared_lines(frf: FRF, lines: Lines, poles: Complex, drift: Real) -> Lines:
     return fit.lines
 
 
-def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
-    """Poles that only improve the fit of others.
+def surplus_poles(
+    labelled: Sequence[Mode], fit: PoleFit, in_runs: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Poles that only improve the fit of others; `in_runs` may follow the states of the runs.
 
     They end on a bound of their damping, or lie within the resonance of a mode of the ring and
     have its order or none: what an order's second mode is comes from the order's own FRFs.
@@ -385,6 +389,7 @@ def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
     members = family(labelled)
     main = {found[0] for found in members.values()}
     bound = fit.at_bound[0 : 2 * len(labelled) : 2]
+    reach = np.where(in_runs, _CLOSE_IN_RUNS, _CLOSE)
     for k, mode in enumerate(labelled):
         if k in main:
             continue
@@ -392,7 +397,7 @@ def surplus_poles(labelled: Sequence[Mode], fit: PoleFit) -> NDArray[np.bool_]:
             o
             for o in main
             if abs(labelled[o].frequency_hz - mode.frequency_hz)
-            < _CLOSE * labelled[o].damping_ratio * labelled[o].frequency_hz
+            < reach[o] * labelled[o].damping_ratio * labelled[o].frequency_hz
         ]
         same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
         surplus[k] = bound[k] or same

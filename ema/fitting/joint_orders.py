@@ -11,8 +11,8 @@ import numpy as np
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
-from ema.fitting.mode_pairs import PairSearch, RingOrder
-from ema.fitting.order_pair import OrderFrf, joint_report, pair_problem
+from ema.fitting.mode_pairs import PairSearch
+from ema.fitting.order_pair import OrderFrf, RingOrder, joint_report, pair_problem
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
@@ -67,7 +67,9 @@ class _JointSearch:
             {
                 order.order: led
                 for order in curve.ring
-                if (led := _led(order, search)) and not {*order.members} & {*curve.locked}
+                if _is_shared(order, curve)
+                and (led := _led(order, search))
+                and not {*order.members} & {*curve.locked}
             }
             for curve, search in zip(curves, self.searches, strict=True)
         ]
@@ -249,11 +251,11 @@ def _is_placed(order: RingOrder, settings: IdentificationSettings) -> bool:
 
 def _with_all_orders(curves: Sequence[CurveFit]) -> list[CurveFit]:
     """Fits with poles added for orders of the ring that only other forces show."""
-    main = [{o.order: o.pair for o in c.ring if o.is_main and o.pair} for c in curves]
-    every = {order: pair for each in main for order, pair in each.items()}
+    shared = {o.order: o.pair for c in curves for o in c.ring if o.pair and _is_shared(o, c)}
     complete = []
-    for curve, own in zip(curves, main, strict=True):
-        missing = [pair.mean for order, pair in every.items() if order not in own]
+    for curve in curves:
+        own = {o.order for o in curve.ring if o.is_main and o.pair}
+        missing = [pair.mean for order, pair in shared.items() if order not in own]
         if missing:
             curve = curve.going_on(added=missing)
             curve.find_pairs()
@@ -261,11 +263,16 @@ def _with_all_orders(curves: Sequence[CurveFit]) -> list[CurveFit]:
     return complete
 
 
+def _is_shared(order: RingOrder, curve: CurveFit) -> bool:
+    """Whether forces tell of an order together: main resonances in the band."""
+    low, high = (2 * np.pi * hz for hz in curve.band_hz)
+    return order.is_main and order.pair is not None and low <= abs(order.pair.mean) <= high
+
+
 def _led(order: RingOrder, search: PairSearch) -> RingOrder | None:
     """The order of the ring with the member first that the search knows as its main one."""
     members = tuple(sorted(order.members, key=lambda k: k not in search.directions))
-    known = order.is_main and order.pair is not None and members[0] in search.directions
-    return replace(order, members=members) if known else None
+    return replace(order, members=members) if members[0] in search.directions else None
 
 
 def _stayed(before: PairFit, now: PairFit) -> bool:

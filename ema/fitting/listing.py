@@ -18,7 +18,7 @@ from ema.core.mac import frac
 from ema.core.modes import Chosen, ModalModel, Mode, OrderReport, Pair, ResidualTerms
 from ema.core.recording import ExponentialWindow
 from ema.core.references import driving_point
-from ema.fitting.mode_pairs import RingOrder
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import PoleFit
 from ema.fitting.variable_projection import Complex
 
@@ -258,7 +258,9 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
     for at, k in enumerate(inside):
         if rows[k].key in choice.order:
             shown[at] = of_order(shown[at], choice.order[rows[k].key], frf.position_deg)
-    reports = _reports(settled.ring, {rows[k].key for k in inside}, choice.aside)
+    in_band = {row.key[0] for row in rows if row.in_band}
+    ring = [order for order in settled.ring if order.is_main and order.key in in_band]
+    reports = _reports(ring, {rows[k].key for k in inside}, choice.aside)
     where = np.ravel([(2 * k, 2 * k + 1) for k in inside])
     model = ModalModel(
         modes=judged(shown, reports),
@@ -287,8 +289,6 @@ def _reports(
     """Verdicts on the orders of which something is listed, or nothing was set aside by hand."""
     reports = []
     for each in ring:
-        if not each.is_main:
-            continue
         own = {key for key in shown | aside if key[0] == each.key}
         if own & aside and not own & shown:
             continue

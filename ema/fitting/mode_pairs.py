@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ema.circumference.orders import PURE, family, further_resonances, order_content, with_aliases
+from ema.circumference.orders import family, further_resonances, with_aliases
 from ema.core.drift import Drift
 from ema.core.frf import FRF
-from ema.core.modes import Mode, OrderReport, Pair, synthesise
+from ema.core.modes import Mode, synthesise
+from ema.core.numerics import towards_fixed_point
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.order_pair import (
     OrderDecomposition,
+    RingOrder,
     Seen,
     fit_pair,
-    one_row,
     order_report,
     pair_problem,
 )
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit
+from ema.fitting.ring_pair import Known, PairFit, numbers_of
 from ema.fitting.variable_projection import Complex, Real
-from ema.fitting.wave_mixing import SHARED, WaveMixing
+from ema.fitting.wave_mixing import WaveMixing
 from ema.signals.leakage import has_leakage, leakage_bias
 
 # The place of the force is known to this many degrees of angle around the tyre (1 σ); where the
@@ -37,82 +37,9 @@ _MIXED = 3.0
 # Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
 # at most so many, until poles move by less than this share of their standard deviation.
 _ROUNDS, _SETTLED = 15, 0.2
-
-
-@dataclass(frozen=True, eq=False)
-class RingOrder:
-    """What was found of one order of the ring.
-
-    Parameters
-    ----------
-    order : int
-    members : tuple of int
-        Poles of the curve fit that belong to it.
-    pair : PairFit or None
-        None where too few lines lie around the resonance.
-    report : OrderReport
-    seen : Seen
-        What `pair` was found from, before pairs of any order were known.
-    is_main : bool
-        False for further resonances of an order, as of a rim or a sidewall.
-    """
-
-    order: int
-    members: tuple[int, ...]
-    pair: PairFit | None
-    report: OrderReport
-    seen: Seen
-    is_main: bool
-    jointly: bool = False  # whether several forces determine the pair
-
-    @property
-    def key(self) -> int:
-        """The pole that stands for all members."""
-        return self.members[0]
-
-    @property
-    def is_resolved(self) -> bool:
-        """Whether both members are determined."""
-        return self.is_main and self.report.pair.verdict is Pair.RESOLVED
-
-    @property
-    def one_row(self) -> int | None:
-        """The member that one row stands for, where members are not listed; None for the mean."""
-        alone = self.is_main and not (self.jointly or self.is_resolved)
-        return one_row(self.pair) if alone and self.pair else None
-
-    def shows_two(self, settings: IdentificationSettings) -> bool:
-        """Whether two poles explain the order better than one."""
-        return self.pair is not None and self.report.pair.chance < settings.pair_p_value
-
-    def is_within(self, main: RingOrder, settings: IdentificationSettings) -> bool:
-        """Whether it is a further resonance in that of its order, which two poles explain."""
-        if self.is_main or self.pair is None or main.pair is None or main.order != self.order:
-            return False
-        poles = np.array([self.pair.mean, main.pair.mean])
-        near = abs(poles[1] - poles[0]) < SHARED * np.max(-poles.real)
-        return bool(near) and main.is_main and main.shows_two(settings)
-
-    @property
-    def poles(self) -> Complex:
-        """Members a and b; none where the pair is not known."""
-        return np.array(self.pair.poles if self.pair else ())
-
-    def followers(self, fit: PoleFit, position_deg: NDArray[np.float64]) -> set[int]:
-        """Poles that only follow what one pole leaves of a pair that several forces determine."""
-        if not (self.jointly and self.pair):
-            return set()
-        within = np.abs(fit.poles - self.pair.mean) < -self.pair.mean.real
-        within[[*self.members, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
-        near = np.flatnonzero(within).tolist()
-        shapes = {k: order_content(fit.residues[:, k], position_deg) for k in near}
-        return {k for k, c in shapes.items() if c.order == self.order or c.purity < PURE}
-
-    def waves(self, position_deg: NDArray[np.float64]) -> Complex:
-        """Residues of members a and b as pure waves, (n_positions, 2)."""
-        assert self.pair is not None
-        angle = self.order * np.deg2rad(position_deg) - self.seen.force_rad
-        return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
+# Rounds that tell where the pairs are heading for, and how far ahead that is believed: half-widths,
+# or shares of a shape.
+_DEPTH, _FAR = 4, 0.5
 
 
 class PairSearch:
@@ -130,7 +57,7 @@ class PairSearch:
     modes : sequence of Mode
         One for each pole of the fit but those that stand for modes above the lines, with orders.
     band_hz : tuple of float
-        Band of the result; orders outside are left as they are.
+        Band of the result; orders outside are told apart where one pole does not explain them.
     correlation : float
         From `ema.fitting.covariance.line_correlation`.
     drift : Drift
@@ -154,8 +81,11 @@ class PairSearch:
         self.state = np.average(fit.drift, axis=0, weights=[len(rows) for rows in fit.groups])
         self.decomposition = OrderDecomposition(frf)
         ring = family(modes)
-        self.main = _inside(ring.items(), modes, band_hz)
-        inside = {k for _, found in self.main for k in found}
+        low, high = frf.frequency_hz[lines][[0, -1]].tolist()
+        self.main = _inside(ring.items(), modes, (low, high))
+        in_band = _inside(self.main, modes, band_hz)
+        self.beside = {each[1][0] for each in self.main if each not in in_band}
+        inside = {k for _, found in in_band for k in found}
         self.guards = [k for n, found in ring.items() for k in found if n and k not in inside]
         own = {k for found in ring.values() for k in found}
         others = further_resonances(with_aliases(modes, frf.position_deg), own)
@@ -168,13 +98,14 @@ class PairSearch:
             )
             for order, found in self.orders
         }
-        on_curve = {order: self.directions[found[0]] for order, found in self.main}
+        on_curve = {order: self.directions[found[0]] for order, found in in_band}
         self.force_deg = _force_deg(on_curve, frf.excitation_deg)
 
     def orders_alone(self, before: Sequence[RingOrder] = ()) -> tuple[RingOrder, ...]:
         """All orders, from FRFs that poles of other orders do not take part of.
 
-        Those that are as in a fit `before` stay what they were.
+        Those that are as in a fit `before` stay what they were. Beside the band only orders count
+        that one pole does not explain.
         """
         self.resolve(())
         known = {(each.order, each.members): each for each in before}
@@ -183,7 +114,9 @@ class PairSearch:
             there, seen = known.get((order, tuple(found))), self.seen_of(order, found)
             kept = there is not None and seen.is_as(there.seen)
             orders.append(there if there and kept else self.fitted(order, found, seen))
-        return tuple(orders)
+        return tuple(
+            each for each in orders if each.key not in self.beside or each.shows_two(self.settings)
+        )
 
     def orders_together(
         self, orders: Sequence[RingOrder], before: Sequence[RingOrder] = ()
@@ -193,16 +126,34 @@ class PairSearch:
             both = [each for each in orders if each.shows_two(self.settings)]
             if not both or all(each in before for each in orders):
                 break
-            self.resolve(both)
-            near = [each.pair.parameters if each in both and each.pair else None for each in orders]
-            last = orders
+            agreed = self._agreed(orders, [each.key for each in both if each not in before])
+            near = {each.key for each in both}
             orders = [
-                each if each in before else self._again(each, start)
-                for each, start in zip(orders, near, strict=True)
+                each if each in before else self._again(each, each.key in near) for each in agreed
             ]
-            if all(_is_settled(*each) for each in zip(last, orders, strict=True)):
+            if all(_is_settled(*each) for each in zip(agreed, orders, strict=True)):
                 break
         return tuple(orders)
+
+    def _agreed(self, orders: Sequence[RingOrder], moving: Sequence[int]) -> list[RingOrder]:
+        """Orders whose pairs, those `moving`, are where the pairs of all others put them.
+
+        Verdicts stay, and what leakage does to two poles is that of the start.
+        """
+        shown, path = {each.key: each for each in orders}, _Path()
+        leakage = self.leakage_of_two(self._both(shown.values()))
+        for _ in range(_ROUNDS if moving else 0):
+            self._resolve(self._both(shown.values()), leakage)
+            found = {key: self._near(shown[key]) for key in moving}
+            settled = all(_is_settled(shown[key], each) for key, each in found.items())
+            shown |= found if settled else path.ahead([shown[key] for key in found], found)
+            if settled:
+                break
+        self.resolve(self._both(shown.values()))
+        return list(shown.values())
+
+    def _both(self, orders: Iterable[RingOrder]) -> list[RingOrder]:
+        return [each for each in orders if each.shows_two(self.settings)]
 
     def resolve(self, orders: Sequence[RingOrder]) -> None:
         """Take the fit as known: FRFs in one state, with the leakage of the pairs of `orders`.
@@ -210,31 +161,41 @@ class PairSearch:
         Nothing is subtracted: what one pole cannot describe of a pair, and some of its noise, is in
         the residues of all other poles, which are free at all positions.
         """
+        self._resolve(orders, self.leakage_of_two(orders))
+
+    def _resolve(self, orders: Sequence[RingOrder], leakage: Complex | float) -> None:
         fit, lines = self.fit, self.fit.lines
         self.middle = replace(fit, poles=lines.drifted(fit.poles, self.state))
-        self.whole = in_one_state(fit, self.middle.poles) + self.leakage_of_two(orders)
+        self.whole = in_one_state(fit, self.middle.poles) + leakage
         self.pairs = {each.key: lines.drifted(each.poles, self.state) for each in orders}
-        for each in orders if len(fit.drift) > 1 else ():
-            own = list(each.members)
-            pair = each.poles, each.waves(self.frf.position_deg), 1.0
-            for poles, shapes, sign in (pair, (fit.poles[own], fit.residues[:, own], -1.0)):
-                wanted = lines.drifted(poles, self.state)
-                for rows, drift in zip(fit.groups, fit.drift, strict=True):
-                    here = lines.drifted(poles, drift)
-                    moved = _alone(lines.frequency_hz, wanted, shapes[rows])
-                    moved -= _alone(lines.frequency_hz, here, shapes[rows])
-                    self.whole[rows] += sign * moved
+        if orders and len(fit.drift) > 1:
+            poles, shapes = self._two_for_one(orders)
+            wanted = lines.drifted(poles, self.state)
+            for rows, drift in zip(fit.groups, fit.drift, strict=True):
+                here = lines.drifted(poles, drift)
+                moved = np.append(wanted, here), np.concatenate([shapes, -shapes], axis=1)[rows]
+                self.whole[rows] += _alone(lines.frequency_hz, *moved)
+        self.counted = [o for o in self.orders if o[1][0] not in self.beside - self.pairs.keys()]
         self.mixing = WaveMixing(
             fit,
             self.middle.poles,
             self.frf.std[:, self.lines],
             self.decomposition,
-            self.orders,
+            self.counted,
             [(each.members, each.poles) for each in orders if each.jointly and each.pair],
             self.correlation,
             self.settings,
         )
         self.mixed = self._mixed()
+
+    def _two_for_one(self, orders: Sequence[RingOrder]) -> tuple[Complex, Complex]:
+        """Poles and shapes of pairs, less those of the poles in their place."""
+        poles, shapes = list[Complex](), list[Complex]()
+        for each in orders:
+            own = list(each.members)
+            poles += [each.poles, self.fit.poles[own]]
+            shapes += [each.waves(self.frf.position_deg), -self.fit.residues[:, own]]
+        return np.concatenate(poles), np.concatenate(shapes, axis=1)
 
     def _mixed(self) -> Real:
         """How much of each pole another order may hold (1 σ), by what the sensors mix.
@@ -242,9 +203,9 @@ class PairSearch:
         Of a pole that is of no order of the ring it may hold as much as there is. Those in the
         place of modes above the lines are of orders above.
         """
-        strays = {n: self.mixing.stray(n, found)[0] for n, found in self.orders}
+        strays = {n: self.mixing.stray(n, found)[0] for n, found in self.counted}
         share = np.ones(self.fit.poles.size)
-        for n, found in self.orders:
+        for n, found in self.counted:
             share[found] = _MIXED * strays[n]
         if strays:
             beyond = self.guards if self.mixing.beside else []
@@ -274,33 +235,34 @@ class PairSearch:
         report = order_report(order, pair, self.settings, float(hz * unknown))
         return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
 
-    def _again(self, before: RingOrder, near: Real | None) -> RingOrder:
-        """The same order beside pairs that are known, perhaps near known parameters."""
+    def _again(self, before: RingOrder, is_near: bool) -> RingOrder:
+        """The same order beside pairs that are known, perhaps near where its pair was."""
+        near = before.pair.parameters if is_near and before.pair else None
         seen = self.seen_of(before.order, list(before.members), near)
         return replace(self.fitted(before.order, list(before.members), seen), seen=before.seen)
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
         """The orders as found before in much the same fit: pairs move, verdicts stay."""
         self.resolve(())
-        seen = [self._still_seen(each) for each in before]
-        moved = [
-            now is not None and not now.is_as(each.seen)
-            for each, now in zip(before, seen, strict=True)
-        ]
-        both = [each for each in before if each.shows_two(self.settings)]
-        if any(moved):
-            self.resolve(both)
-        return tuple(
-            self._near(each, now) if now and away else each
-            for each, now, away in zip(before, seen, moved, strict=True)
-        )
+        now = {each.key: self._still_seen(each) for each in before}
+        moved = [each.key for each in before if (own := now[each.key]) and not own.is_as(each.seen)]
+        if not moved:
+            return tuple(before)
+        together = {each.key for each in self._both(before)}.intersection(moved)
+        found = list[RingOrder]()
+        for each in self._agreed(before, [key for key in moved if key in together]):
+            if each.key in moved:
+                each = each if each.key in together else self._near(each)
+                each = replace(each, seen=now[each.key] or each.seen)
+            found.append(each)
+        return tuple(found)
 
     def _still_seen(self, before: RingOrder) -> Seen | None:
         found = sorted(before.members, key=lambda k: k not in self.directions)
         known = before.pair is not None and found[0] in self.directions
         return self.seen_of(before.order, found) if known else None
 
-    def _near(self, before: RingOrder, base: Seen) -> RingOrder:
+    def _near(self, before: RingOrder) -> RingOrder:
         seen = self._still_seen(before)
         if seen is None or before.pair is None:
             return before
@@ -309,7 +271,7 @@ class PairSearch:
         if problem is None:
             return before
         pair = self.in_first_state(problem.solve_near(before.pair), seen.start)
-        return replace(before, pair=pair, seen=base)
+        return replace(before, pair=pair)
 
     def seen_of(self, order: int, found: list[int], near: Real | None = None) -> Seen:
         """What is seen of one order, and known of it: its own, and what sensors mix into it."""
@@ -347,19 +309,50 @@ class PairSearch:
         fit, lines = self.fit, self.fit.lines
         if not orders or not has_leakage(self.frf):
             return 0.0
-        poles, residues = list[complex](), list[Complex]()
-        for each in orders:
-            assert each.pair is not None
-            own = list(each.members)
-            poles += [*fit.poles[own], *each.pair.poles]
-            residues += [-fit.residues[:, own], each.waves(self.frf.position_deg)]
-        moving, shapes = np.array(poles), np.concatenate(residues, axis=1)
+        moving, shapes = self._two_for_one(orders)
         names = self.frf.run_names
         states = fit.drift if len(fit.drift) > 1 else np.repeat(fit.drift, len(names), axis=0)
         runs = {
             name: lines.drifted(moving, state) for name, state in zip(names, states, strict=True)
         }
         return -leakage_bias(self.frf, lines.frequency_hz, runs, shapes)
+
+
+class _Path:
+    """Pairs of all orders from round to round, and what they are heading for."""
+
+    def __init__(self) -> None:
+        self.tried, self.found = list[Complex](), list[Complex]()
+
+    def ahead(
+        self, tried: Sequence[RingOrder], found: Mapping[int, RingOrder]
+    ) -> Mapping[int, RingOrder]:
+        """What to try after what was tried last and what that led to."""
+        self.tried.append(_pairs_of(tried))
+        self.found.append(_pairs_of(found.values()))
+        width, size = -self.found[-1][:, 2].real, np.linalg.norm(self.found[-1][:, 3:], axis=1)
+        alike = np.repeat(np.stack([width, size], axis=1), [3, 4], axis=1)
+        goal = towards_fixed_point(self.tried[-_DEPTH:], self.found[-_DEPTH:], alike)
+        if np.max(np.abs(goal - self.found[-1]) / alike) > _FAR:
+            return found
+        return {
+            k: _with_pair(each, own) for (k, each), own in zip(found.items(), goal, strict=True)
+        }
+
+
+def _pairs_of(orders: Iterable[RingOrder]) -> Complex:
+    """Poles of members and mean, then residues of the members, (n_orders, 7)."""
+    pairs = [each.pair for each in orders if each.pair]
+    return np.array([[*pair.poles, pair.mean, *pair.residues.ravel()] for pair in pairs])
+
+
+def _with_pair(order: RingOrder, numbers: Complex) -> RingOrder:
+    """An order with a pair of these poles and residues."""
+    assert order.pair is not None
+    a, b, mean = numbers[:3].tolist()
+    own, waves = numbers_of(numbers[:3]), numbers[3:].reshape(2, 2)
+    pair = replace(order.pair, poles=(a, b), mean=mean, numbers=own, residues=waves)
+    return replace(order, pair=pair)
 
 
 def _is_settled(before: RingOrder, now: RingOrder) -> bool:

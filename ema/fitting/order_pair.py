@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from ema.circumference.orders import circle_basis, highest_order
+from ema.circumference.orders import PURE, circle_basis, highest_order, order_content
 from ema.core.frf import FRF
 from ema.core.modes import OrderReport, Pair, PairVerdict
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit
 from ema.fitting.ring_pair import Known, PairFit, PairProblem
 from ema.fitting.variable_projection import Complex, Real
 
@@ -29,6 +30,8 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 _UNTOUCHED = 0.05
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
+# Poles closer than this many half-widths of the broader one share a resonance.
+SHARED = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +151,82 @@ class Seen:
         power = np.sum(np.abs(self.values - before.values)[:, near] ** 2, axis=1)
         variance = np.mean(before.std[:, near] ** 2, axis=1)
         return bool(np.all(variance > 0) and np.sum(power / variance) < _UNTOUCHED**2)
+
+
+@dataclass(frozen=True, eq=False)
+class RingOrder:
+    """What was found of one order of the ring.
+
+    Parameters
+    ----------
+    order : int
+    members : tuple of int
+        Poles of the curve fit that belong to it.
+    pair : PairFit or None
+        None where too few lines lie around the resonance.
+    report : OrderReport
+    seen : Seen
+        What `pair` was found from, before pairs of any order were known.
+    is_main : bool
+        False for further resonances of an order, as of a rim or a sidewall.
+    """
+
+    order: int
+    members: tuple[int, ...]
+    pair: PairFit | None
+    report: OrderReport
+    seen: Seen
+    is_main: bool
+    jointly: bool = False  # whether several forces determine the pair
+
+    @property
+    def key(self) -> int:
+        """The pole that stands for all members."""
+        return self.members[0]
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether both members are determined."""
+        return self.is_main and self.report.pair.verdict is Pair.RESOLVED
+
+    @property
+    def one_row(self) -> int | None:
+        """The member that one row stands for, where members are not listed; None for the mean."""
+        alone = self.is_main and not (self.jointly or self.is_resolved)
+        return one_row(self.pair) if alone and self.pair else None
+
+    def shows_two(self, settings: IdentificationSettings) -> bool:
+        """Whether two poles explain the order better than one."""
+        return self.pair is not None and self.report.pair.chance < settings.pair_p_value
+
+    def is_within(self, main: RingOrder, settings: IdentificationSettings) -> bool:
+        """Whether it is a further resonance in that of its order, which two poles explain."""
+        if self.is_main or self.pair is None or main.pair is None or main.order != self.order:
+            return False
+        poles = np.array([self.pair.mean, main.pair.mean])
+        near = abs(poles[1] - poles[0]) < SHARED * np.max(-poles.real)
+        return bool(near) and main.is_main and main.shows_two(settings)
+
+    @property
+    def poles(self) -> Complex:
+        """Members a and b; none where the pair is not known."""
+        return np.array(self.pair.poles if self.pair else ())
+
+    def followers(self, fit: PoleFit, position_deg: NDArray[np.float64]) -> set[int]:
+        """Poles that only follow what one pole leaves of a pair that several forces determine."""
+        if not (self.jointly and self.pair):
+            return set()
+        within = np.abs(fit.poles - self.pair.mean) < -self.pair.mean.real
+        within[[*self.members, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
+        near = np.flatnonzero(within).tolist()
+        shapes = {k: order_content(fit.residues[:, k], position_deg) for k in near}
+        return {k for k, c in shapes.items() if c.order == self.order or c.purity < PURE}
+
+    def waves(self, position_deg: NDArray[np.float64]) -> Complex:
+        """Residues of members a and b as pure waves, (n_positions, 2)."""
+        assert self.pair is not None
+        angle = self.order * np.deg2rad(position_deg) - self.seen.force_rad
+        return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
 
 
 def pair_problem(

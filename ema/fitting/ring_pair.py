@@ -88,7 +88,7 @@ class PairFit:
     def moved(self, shift: float, decay: float) -> PairFit:
         """The pair in a state whose frequencies and decay rates are smaller by these factors."""
         a, b, mean = (p.real / decay + 1j * p.imag / shift for p in (*self.poles, self.mean))
-        return replace(self, poles=(a, b), mean=mean, numbers=_numbers(np.array([a, b, mean])))
+        return replace(self, poles=(a, b), mean=mean, numbers=numbers_of(np.array([a, b, mean])))
 
 
 @dataclass(frozen=True)
@@ -315,14 +315,14 @@ class PairProblem:
         if one.cost < best.cost:  # the search from a split ended early
             best = self.minimum(one.x)
         misfit = self.scale * self._misfit(best)
-        return self._fit(best, 2 * (one.cost - best.cost), misfit)
+        return self._fit(best.x, self.covariance(best), 2 * (one.cost - best.cost), misfit)
 
     def solve_near(self, before: PairFit) -> PairFit:
         """The pair where it is known from much the same FRFs; what is known of it stays."""
         self.amplitude = abs(self._linear(np.zeros(_N_PARAMETERS)).amplitude)
         self.scale = before.misfit
-        found = self._fit(self.minimum(before.parameters), before.gain, before.misfit)
-        return replace(found, covariance=before.covariance)
+        x = self.minimum(before.parameters).x
+        return self._fit(x, before.covariance, before.gain, before.misfit)
 
     def _misfit(self, found: OptimizeResult) -> float:
         """Reduced χ², in terms of the scale."""
@@ -396,10 +396,8 @@ class PairProblem:
         slope = np.array(ends).T / 2e-7
         return np.asarray(slope @ inner @ slope.T)
 
-    def _fit(self, best: OptimizeResult, gain: float, misfit: float) -> PairFit:
-        amplitude = self._linear(best.x).amplitude
-        pair = self.pair_of(best.x, self.covariance(best), amplitude, misfit)
-        return replace(pair, gain=gain)
+    def _fit(self, x: Real, covariance: Real, gain: float, misfit: float) -> PairFit:
+        return replace(self.pair_of(x, covariance, self._linear(x).amplitude, misfit), gain=gain)
 
     def pair_of(self, x: Real, covariance: Real, amplitude: complex, misfit: float) -> PairFit:
         """The pair of some parameters and amplitude, whose `numbers` have this covariance."""
@@ -443,8 +441,9 @@ class PairProblem:
     def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean."""
         pole, along, _, half = self._split(x)
-        return _numbers(np.array([pole - half, pole + half, pole + along]))
+        return numbers_of(np.array([pole - half, pole + half, pole + along]))
 
 
-def _numbers(poles: Complex) -> Real:
+def numbers_of(poles: Complex) -> Real:
+    """Frequency in Hz and damping ratio of poles, one after the other."""
     return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))

@@ -24,7 +24,8 @@ from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import synthesise
 from ema.fitting.covariance import parameter_covariance
-from ema.fitting.mode_pairs import PairSearch, RingOrder
+from ema.fitting.mode_pairs import PairSearch
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, Lines, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 

@@ -35,7 +35,8 @@ from ema.fitting.fit_steps import (
     without_leakage,
 )
 from ema.fitting.listing import with_own_factor
-from ema.fitting.mode_pairs import PairSearch, RingOrder
+from ema.fitting.mode_pairs import PairSearch
+from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import (
     N_DRIFT,
     N_STAND_INS,
@@ -54,7 +55,7 @@ from ema.fitting.run_states import (
     middle_of,
     ring_in,
 )
-from ema.fitting.variable_projection import Real
+from ema.fitting.variable_projection import Complex, Real
 from ema.poles.estimators import widened_band
 from ema.poles.tracking import PoleSelection
 from ema.signals.leakage import bias_as_before
@@ -154,20 +155,17 @@ class CurveFit:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
         if not self.selection.pinned:
             self.start_poles = merged(self.lines, self.start_poles, self.frf.position_deg)
-        pairs = self._pairs(evaluate(self.lines, self.start_poles, NO_SHIFT))
         self.centre = self.start_poles
-        self.fit = fit_bounded(self.lines, self.start_poles, self.settings, pairs=pairs)
+        self.fit = self._bounded(self.lines, self.centre, self._shifts)
 
     def follow_drift(self) -> None:
         """Give each run its own state where the frequencies differ by more than chance."""
-        known = np.all(np.isfinite(self.frf.std))
-        if self.lines.n_runs < 2 or not (known or self.circle):
+        if self.lines.n_runs < 2 or not (self.circle or np.all(np.isfinite(self.frf.std))):
             return
-        limit = self.settings.drift_p_value
-        self.drift = drift_in_one_step(self.fit, self.frf, self.correlation, limit)
+        known = self.frf, self.correlation, self.settings.drift_p_value
+        self.drift = drift_in_one_step(self.fit, *known)
         if self.drift.applied:
-            given = self.settings, self._shifts, self.start_poles, self.fit.pairs
-            self.fit = fit_bounded(self.lines, self.fit.poles, *given)
+            self.fit = self._bounded(self.lines, self.centre, self._shifts)
 
     def compensate_leakage(self) -> None:
         """Fit again without the bias of window and block length."""
@@ -228,10 +226,10 @@ class CurveFit:
         ]
         return True
 
-    def _is_inside(self, poles: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    def _is_inside(self, poles: Complex) -> NDArray[np.bool_]:
         """Which poles lie in the band."""
-        frequency_hz = np.abs(poles) / (2 * np.pi)
-        inside = (frequency_hz >= self.band_hz[0]) & (frequency_hz <= self.band_hz[1])
+        low, high = (2 * np.pi * hz for hz in self.band_hz)
+        inside = (low <= np.abs(poles)) & (np.abs(poles) <= high)
         inside[-N_STAND_INS:] = False
         return inside
 
@@ -250,33 +248,36 @@ class CurveFit:
         Pinned poles stay as they are.
         """
         for _ in range(0 if self.selection.pinned else _ROUNDS):
-            surplus = surplus_poles(self.labelled(self.fit), self.fit)
+            in_runs = self.drift.applied & self._is_inside(self.fit.poles)
+            surplus = surplus_poles(self.labelled(self.fit), self.fit, in_runs)
             if not np.any(surplus):
                 break
             self._refit(self.fit.poles[~surplus])
         if not self.selection.pinned:
             self._add_hidden()
+        search = self.pair_search()
+        self.ring = search.orders_alone()
         for _ in range(_STATE_ROUNDS):
-            search = self.pair_search()
-            self.ring = search.orders_alone()
             if not self._follow_drift_of_pairs(search):
                 break
-        else:
             search = self.pair_search()
             self.ring = search.orders_alone()
         self.ring = search.orders_together(self.ring)
+        if self.drift.applied and self._follow_drift_of_pairs(search, however_little=True):
+            search = self.pair_search()
+            self.ring = search.orders_together(search.orders_near(self.ring))
 
-    def _follow_drift_of_pairs(self, search: PairSearch) -> bool:
+    def _follow_drift_of_pairs(self, search: PairSearch, *, however_little: bool = False) -> bool:
         """Give each run its own state as seen with pairs in place; whether that changes any."""
         orders = [each for each in self.ring if each.is_main and each.pair is not None]
         if self.lines.n_runs < 2 or not orders:
             return False
         limit = self.settings.drift_p_value
         before, self.drift = self.drift, drift_beside_pairs(search, orders, limit)
-        if self.drift.is_as(before):
+        if self.drift.is_as(before) and not however_little:
             self.drift = self.drift.at_states_of(before)
             return False
-        self.fit = in_states(self.fit, NO_SHIFT if self._shifts is None else self._shifts)
+        self.fit = in_states(self.fit, self._shifts)
         return True
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
@@ -310,18 +311,13 @@ class CurveFit:
                 self.fit, self.centre = before, centre
 
     @property
-    def _shifts(self) -> NDArray[np.float64] | None:
-        return self.drift.states if self.drift.applied else None
+    def _shifts(self) -> Real:
+        return self.drift.states if self.drift.applied else NO_SHIFT
 
-    def _refit(
-        self, poles: NDArray[np.complex128], around: NDArray[np.complex128] | None = None
-    ) -> None:
+    def _refit(self, poles: Complex, around: Complex | None = None) -> None:
         """Fit from other poles, with bounds around them or others."""
         self.centre = poles if around is None else around
-        shifts = NO_SHIFT if self._shifts is None else self._shifts
-        pairs = self._pairs(evaluate(self.lines, poles, shifts))
-        given = self.settings, self._shifts, self.centre, pairs, tuple(self.locked)
-        fit = fit_bounded(self.lines, poles, *given)
+        fit = self._bounded(self.lines, poles, self._shifts)
         self.fit, self.leakage_notes = without_leakage(self.frf, fit, self.centre, self.settings)
 
     def _pairs(self, fit: PoleFit) -> tuple[tuple[int, int], ...]:
@@ -411,13 +407,17 @@ class CurveFit:
                 other.ring = other.pair_search().orders_near(ring)
         return other
 
-    def _fit_near(self, lines: Lines, poles: NDArray[np.complex128], drift: Real) -> PoleFit:
+    def _fit_near(self, lines: Lines, poles: Complex, drift: Real) -> PoleFit:
         """Fit lines from poles and states that are nearly right."""
+        fit = self._bounded(lines, poles, drift)
+        return in_states(fit, drift) if self.ring else fit
+
+    def _bounded(self, lines: Lines, poles: Complex, drift: Real) -> PoleFit:
+        """Fit within the bounds around `centre`, members of a pair damped alike."""
         pairs = self._pairs(evaluate(lines, poles, drift))
         states = drift if len(drift) > 1 else None
         given = self.settings, states, self.centre, pairs, tuple(self.locked)
-        fit = fit_bounded(lines, poles, *given)
-        return in_states(fit, drift) if self.ring else fit
+        return fit_bounded(lines, poles, *given)
 
     def judged_anew(self, before: Sequence[RingOrder]) -> CurveFit:
         """The same poles with sensitivity of their own, and pairs where they are not as before."""
@@ -427,7 +427,7 @@ class CurveFit:
             other.find_pairs(before)
         return other
 
-    def _again(self, lines: Lines, poles: NDArray[np.complex128]) -> PoleFit:
+    def _again(self, lines: Lines, poles: Complex) -> PoleFit:
         """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
         stay = self.fit.poles[list(self.locked)]

@@ -12,15 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ema.core.settings import IdentificationSettings
-from ema.fitting.order_pair import OrderDecomposition
+from ema.fitting.order_pair import SHARED, OrderDecomposition
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 
 # Orders up to this many above an order show how far its shape strays from its waves; an RMS is that
 # many medians. Something strays always.
 _NEAR, _MEDIANS, _LEAST_STRAY = 8, 1.2, 1e-4
-# Poles closer than this many half-widths of the broader one share a resonance.
-SHARED = 1.5
 # Members closer than this many half-widths are one pole to any residue.
 _ONE_POLE = 1e-3
 

@@ -298,6 +298,23 @@ def test_live_numbers_are_marked_and_close_and_what_needs_no_fit_is_final(found,
     assert state(final) == state(identify_modes(found.measured, edits=[out]))
 
 
+def test_live_numbers_of_runs_that_drift_are_those_of_the_end():
+    """Rounds end where pairs and states agree, and the same poles hold them with or without a run.
+
+    Before, the end was more than a standard deviation away.
+    """
+    drift = np.linspace(0, 1.5, systems.N_RUNS)
+    frf = systems.campaign_frf(truth_modes(split_percent=1.0), 34, drift_percent=drift)
+    automatic = identify_modes(frf, (20.0, 260.0))
+    out = [Edit(EditKind.RUN_OUT, run="run_2")]
+    live, final = (refit_modes(automatic, out, live=each) for each in (True, False))
+    assert final.model.drift.applied
+    for one, other in zip(live.model.modes, final.model.modes, strict=True):
+        assert (one.order, one.member) == (other.order, other.member)
+        assert abs(one.frequency_hz - other.frequency_hz) < 0.5 * other.frequency_std_hz
+        assert abs(one.damping_ratio - other.damping_ratio) < 0.5 * other.damping_std
+
+
 def test_a_fit_that_is_not_wanted_any_more_ends_at_its_next_step(found, single):
     asked = []
 
