@@ -16,6 +16,7 @@ from ema.checks.corrections import (
     corrected,
     corrections_by_hand,
     followed_by,
+    gains_applied,
     rows_by_hand,
     screen,
 )
@@ -51,10 +52,9 @@ from ema.poles.tracking import PoleSelection
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
-# What a drift does to the compensation of masses is a tenth of it each time.
-_DRIFT_PASSES = 2
-# Compensations of the sensors' mass with the pairs that were found.
-_MASS_PASSES = 2
+# Compensations of the sensors' mass run by run, each with a tenth of what a drift does to it, and
+# with the pairs that were found.
+_DRIFT_PASSES, _MASS_PASSES = 2, 2
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
@@ -194,14 +194,15 @@ class State:
 
     def after(self, check: ConsistencyCheck) -> State:
         """With the corrections of a check, and its findings."""
-        corrections = followed_by(self.measured, self.corrections, check.corrections)
-        state = replace(self, usable=check.frf, corrections=corrections)
-        return state.told(check.findings)
+        made = followed_by(self.measured, self.corrections, check.corrections)
+        state = replace(self, usable=check.frf, corrections=made)
+        return replace(state, findings=check.beside(self.findings)).told(check.findings)
 
-    def checked(self, model: ModalModel, checks: CheckSettings, **how: bool) -> ConsistencyCheck:
+    def checked(self, model: ModalModel, checks: CheckSettings, **how: Any) -> ConsistencyCheck:
         """Check of the sensors against the modes; rows decided by hand stay as they are."""
-        decided = rows_by_hand(self.measured, self.corrections)
-        return check_consistency(self.usable, model, settings=checks, decided=decided, **how)
+        of_rows = self.measured, self.corrections
+        how |= {"decided": rows_by_hand(*of_rows), "applied": gains_applied(*of_rows)}
+        return check_consistency(self.usable, model, settings=checks, **how)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -33,6 +34,10 @@ _FEW_AVERAGES = 6.0
 _ROUNDING = 1e-12
 
 
+#: Checks that find a factor between a sensor and the modes.
+OF_GAINS = (Check.FLIPPED, Check.SCALED)
+
+
 class DecidedBy(StrEnum):
     """Who decided on a correction."""
 
@@ -62,6 +67,12 @@ class Correction:
     def is_by_hand(self) -> bool:
         """Whether a person decided, which no check changes."""
         return self.decided is DecidedBy.BY_HAND
+
+    @property
+    def is_none(self) -> bool:
+        """Whether a check left the row as it is, after all."""
+        as_measured = self.source_row == self.row and math.isclose(self.factor, 1.0, rel_tol=1e-9)
+        return as_measured and not (self.excluded or self.is_by_hand)
 
 
 def exclusion(row: int, finding: Finding) -> Correction:
@@ -106,7 +117,10 @@ def kept_rows(frf: FRF, corrections: Iterable[Correction]) -> NDArray[np.int_]:
 def followed_by(
     frf: FRF, first: tuple[Correction, ...], then: tuple[Correction, ...]
 ) -> tuple[Correction, ...]:
-    """Corrections of the FRFs as measured; the rows of `then` count what `first` left of them."""
+    """Corrections of the FRFs as measured; the rows of `then` count what `first` left of them.
+
+    What a later one takes back is none.
+    """
     kept = [int(row) for row in kept_rows(frf, first)]
     known = {each.row: each for each in first}
     changed = dict(known)
@@ -116,7 +130,18 @@ def followed_by(
         factor = each.factor * before.factor if before else each.factor
         source = before.source_row if before else source
         changed[row] = replace(each, row=row, source_row=source, factor=factor)
-    return tuple(changed[row] for row in sorted(changed))
+    return tuple(changed[row] for row in sorted(changed) if not changed[row].is_none)
+
+
+def gains_applied(frf: FRF, corrections: Sequence[Correction]) -> dict[int, float]:
+    """Factors that a check of the sensors gave to rows, counted among those that are left."""
+    given = {
+        each.row: each.factor
+        for each in corrections
+        if each.check in OF_GAINS and not each.is_by_hand
+    }
+    kept = kept_rows(frf, corrections).tolist()
+    return {at: given[row] for at, row in enumerate(kept) if row in given}
 
 
 def channel_edits(edits: Sequence[Edit]) -> tuple[Edit, ...]:

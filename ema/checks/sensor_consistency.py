@@ -7,12 +7,13 @@ it is significant, and for few sensors: what makes many of them look wrong is th
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
-from ema.checks.corrections import Correction, corrected
+from ema.checks.corrections import OF_GAINS, Correction, corrected
 from ema.checks.ring_shapes import MAJORITY, RingShapes, ring_shapes
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF, position_finding
@@ -29,6 +30,7 @@ _BY_HAND = "not corrected, as the row was decided on by hand"
 _AS_IT_IS = "not corrected, as [checks] correct_sensors is false"
 
 _Evidence = tuple[float, float, float]
+_NOTHING: Mapping[int, float] = MappingProxyType({})
 
 # Fewer modes could hardly agree on a gain.
 _FEWEST_WAVES = 2
@@ -66,6 +68,15 @@ class ConsistencyCheck:
         """Whether `frf` differs from what was checked."""
         return bool(self.corrections)
 
+    def beside(self, findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+        """Findings of before, without those on factors that are given anew."""
+        anew = {(each.run, each.channel, each.position_deg) for each in self.corrections}
+        return tuple(
+            each
+            for each in findings
+            if each.check not in OF_GAINS or (each.run, each.channel, each.position_deg) not in anew
+        )
+
     @property
     def withheld(self) -> Finding:
         """The finding for corrections that were tried and did not help."""
@@ -83,6 +94,7 @@ def check_consistency(
     exclude: bool = True,
     settings: CheckSettings = CHECKS,
     decided: Container[int] = (),
+    applied: Mapping[int, float] = _NOTHING,
 ) -> ConsistencyCheck:
     """Compare every sensor with the shapes that all sensors together show.
 
@@ -91,7 +103,8 @@ def check_consistency(
     sensors are corrected; what else contradicts the modes is left out, with `exclude`.
 
     The FRFs are of a closed circle of positions, and the modes fitted to them. Of the rows that a
-    person `decided` on, what speaks against them is told, and nothing is changed.
+    person `decided` on, what speaks against them is told, and nothing is changed. Of factors that
+    were `applied` to rows before, a new one takes the place: the first fit followed the errors.
     """
     changes = _force_changes(frf, ring_shapes(frf, model, followed_by=MAJORITY), settings)
     if changes:  # of whole runs: single sensors are judged once those are right
@@ -99,7 +112,7 @@ def check_consistency(
     shapes = ring_shapes(frf, model)
     if shapes.n_waves < _FEWEST_WAVES:
         return ConsistencyCheck(frf, ())
-    changes = _sensor_changes(frf, shapes, settings, exclude=exclude)
+    changes = _sensor_changes(frf, shapes, settings, applied, exclude=exclude)
     odd_runs = _odd_runs(frf, changes)
     changes = {
         row: change
@@ -162,7 +175,12 @@ def _reference_agrees(frf: FRF, run: str, gain: float) -> bool:
 
 
 def _sensor_changes(
-    frf: FRF, shapes: RingShapes, settings: CheckSettings, *, exclude: bool
+    frf: FRF,
+    shapes: RingShapes,
+    settings: CheckSettings,
+    applied: Mapping[int, float],
+    *,
+    exclude: bool,
 ) -> dict[int, _Change]:
     changes: dict[int, _Change] = {}
     suspects = []
@@ -172,7 +190,8 @@ def _sensor_changes(
         if mismatch > settings.contradiction_std:
             suspects.append(row)
         elif _is_wrong(gain, std, settings) and shapes.n_telling(row) >= _FEWEST_WAVES:
-            changes[row] = _gain_change(frf, row, (gain, std, mismatch), settings)
+            change = _gain_change(frf, row, (gain, std, mismatch), settings, applied.get(row, 1.0))
+            changes[row] = change
     for first, second in _swapped(frf, shapes, suspects, settings):
         for row, other in ((first, second), (second, first)):
             text = f"swapped with {frf.channel[other]}"
@@ -213,20 +232,31 @@ def _change(
 
 
 def _gain_change(
-    frf: FRF, row: int, evidence: _Evidence, settings: CheckSettings, *, whole_run: bool = False
+    frf: FRF,
+    row: int,
+    evidence: _Evidence,
+    settings: CheckSettings,
+    applied: float = 1.0,
+    *,
+    whole_run: bool = False,
 ) -> _Change:
-    """Change for a sensor that reads the modes by a factor.
+    """Change for a sensor that reads the modes by a factor, beside one that is applied already.
 
     An inverted sensor of right sensitivity keeps its own calibration.
     """
-    gain = evidence[0]
+    gain = evidence[0] / applied
+    evidence = gain, evidence[1] / abs(applied), evidence[2]
     where = ", as do all sensors of this run: the force's sign or scale is wrong" * whole_run
+    if _is_usual(gain, settings):
+        text = "fits the modes as it was measured, once the other sensors are right"
+        change = _change(frf, row, Check.SCALED, text, evidence, factor=1 / applied)
+        return replace(change, finding=replace(change.finding, verdict=Verdict.OK))
     if _is_usual(-gain, settings):
         text = f"fits the modes with a factor of {gain:.2f}{where}"
-        return _change(frf, row, Check.FLIPPED, text, evidence, factor=-1.0)
+        return _change(frf, row, Check.FLIPPED, text, evidence, factor=-1.0 / applied)
     turned = " and with the wrong sign" * (gain < 0)
     text = f"reads {abs(gain):.3g} times the value expected from the modes{turned}{where}"
-    return _change(frf, row, Check.SCALED, text, evidence, factor=1 / gain)
+    return _change(frf, row, Check.SCALED, text, evidence, factor=1 / gain / applied)
 
 
 def _is_usual(gain: float, settings: CheckSettings) -> bool:
@@ -364,8 +394,8 @@ def _checked(
             detail = f"{each.finding.detail}: {why}"
             findings.append(replace(each.finding, verdict=Verdict.WARNING, detail=detail))
         else:
-            detail = f"{each.finding.detail}: {_DONE[each.finding.check]}"
-            findings.append(replace(each.finding, detail=detail))
+            done = "" if each.finding.is_ok else f": {_DONE[each.finding.check]}"
+            findings.append(replace(each.finding, detail=f"{each.finding.detail}{done}"))
             corrections.append(each.correction)
     made = tuple(corrections)
     return ConsistencyCheck(corrected(frf, made), (*findings, *odd), made)

@@ -138,6 +138,9 @@ def test_faulty_sensors_are_found_beside_a_drift():
         *(("flipped", 25), ("scaled", 33), ("swapped", 12), ("swapped", 30)),
         *(("dead", 10), ("clipped", 50)),
     }
+    factors = {each.row: each.factor for each in found.corrections if not each.excluded}
+    assert factors[25] == -1.0
+    assert factors[33] == pytest.approx(10.0, rel=0.01)
     assert sorted({mode.order for mode in found.model.modes}) == [*ORDERS, 8]
 
 
