@@ -8,6 +8,7 @@ import systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ema.checks.corrections import followed_by
 from ema.checks.sensor_consistency import check_consistency
 from ema.core.errors import FitError
 from ema.core.finding import Check, Verdict
@@ -310,3 +311,20 @@ def test_a_humming_sensor_is_named_and_costs_no_accuracy():
 def test_a_band_beyond_the_lines_is_refused_before_anything_is_judged():
     with pytest.raises(FitError, match=r"only 0 frequency lines.* the FRFs end at"):
         identify_modes(HEALTHY, (5000.0, 6000.0))
+
+
+@pytest.mark.parametrize(
+    ("gain", "applied", "check", "factor"),
+    [(1.27, 1.27, None, 1.0), (-1.27, 1.27, Check.FLIPPED, -1.0), (0.5, 5.0, Check.SCALED, 10.0)],
+)
+def test_a_factor_found_again_takes_the_place_of_the_first(gain, applied, check, factor):
+    """A row is read by `gain` now, after a factor that the first look gave it was `applied`."""
+    found = check_consistency(FRF, model_of(gains(r25=gain)), applied={25: applied})
+    first = replace(found.corrections[0], factor=applied, check=Check.SCALED)
+    made = followed_by(FRF, (first,), found.corrections)
+    assert [(each.check, pytest.approx(each.factor, rel=0.01)) for each in made] == (
+        [] if check is None else [(check, factor)]
+    )
+    assert [each.check for each in found.findings if not each.is_ok] == [
+        each.check for each in made
+    ]
