@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from ema.circumference.belt_motion import pull_on_waves, stretch_hz
-from ema.circumference.orders import circle_basis, highest_order
+from ema.circumference.orders import circle_basis, highest_order, pull_on_waves, stretch_hz
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS

@@ -23,7 +23,7 @@ from ema.io.content import (
     states_scale,
 )
 from ema.io.frf_table import frf_content, with_frequency_first
-from ema.io.stated import stated_rate
+from ema.io.variables import stated_rate
 
 ReadColumn = Callable[[int], pa.ChunkedArray]
 

@@ -18,7 +18,6 @@ from ema.core.errors import RecordingFormatError
 from ema.core.files import mapped
 from ema.core.finding import Check, Finding
 from ema.io import content
-from ema.io.arrays import are_slow, matrix_columns, without_complex
 from ema.io.columns import Column, content_of_columns, is_time, name_and_unit
 from ema.io.content import (
     COPY_AGAIN,
@@ -30,7 +29,15 @@ from ema.io.content import (
     states_scale,
 )
 from ema.io.frf_table import frf_content, with_frequency_first
-from ema.io.stated import stated_rate, stated_start_s, states_rate, states_start
+from ema.io.variables import (
+    are_slow,
+    matrix_columns,
+    stated_rate,
+    stated_start_s,
+    states_rate,
+    states_start,
+    without_complex,
+)
 
 SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")

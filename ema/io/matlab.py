@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ema.core.errors import RecordingFormatError
 from ema.core.units import is_stated, parse_axis
-from ema.io.arrays import are_slow, matrix_columns, unit_of_each, without_complex
 from ema.io.columns import Column, content_of_columns, is_time, label_of_axis, rises_evenly
 from ema.io.content import FileContent, left_out, states_scale, states_treatment
 from ema.io.frf_table import (
@@ -25,8 +24,18 @@ from ema.io.frf_table import (
     with_frequency_first,
 )
 from ema.io.matlab_variables import LeftOut, flat, is_complex, texts, variables_of
-from ema.io.stated import plain_name, stated_rate, stated_start_s, states_rate, states_start
 from ema.io.testlab import is_function, of_functions
+from ema.io.variables import (
+    are_slow,
+    matrix_columns,
+    plain_name,
+    stated_rate,
+    stated_start_s,
+    states_rate,
+    states_start,
+    unit_of_each,
+    without_complex,
+)
 
 SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}

@@ -18,7 +18,7 @@ from ema.core.recording import ACCELERATION, FORCE
 from ema.core.units import FREQUENCY, TIME, AxisUnit, is_stated, parse_axis, parse_unit
 from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, note, reading, remark, require
-from ema.io.stated import stated_rate
+from ema.io.variables import stated_rate
 
 if TYPE_CHECKING:
     from nptdms import TdmsChannel, TdmsFile

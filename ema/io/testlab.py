@@ -17,7 +17,7 @@ from ema.io.columns import Column, content_of_columns
 from ema.io.content import FileContent, left_out
 from ema.io.frf_table import frf_content, with_frequency_first
 from ema.io.matlab_variables import flat, is_complex, texts
-from ema.io.stated import stated_rate
+from ema.io.variables import stated_rate
 
 _SAVE_AGAIN = "Export it again, or as a universal file"
 # What Testlab puts before the ends of a function.

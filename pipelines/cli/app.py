@@ -38,7 +38,7 @@ _COMMANDS = {
         ("result", "report", "Write the report of a result again, as HTML and optionally PDF."),
         ("review", "review", "Review a result in the browser: see, decide, sign off."),
         ("compare", "compare", "Compare results, with the significance of each difference."),
-        ("export", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
+        ("compare", "export", "Write modes, shapes and FRFs of a result for other modal programs."),
         ("compare", "compare-shapes", "Compare shapes with those of a model or program, by MAC."),
     ),
     "Many campaigns": (

@@ -1,4 +1,4 @@
-"""``ringmodal compare``, ``compare-shapes`` and ``batch``: several results at once."""
+"""``ringmodal compare``, ``batch`` and ``export``: results side by side, and for other programs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from ema.io.uff.reader import SYNTHESISED
 from pipelines.batch.run import Batch, campaign_rows, run_batch
 from pipelines.batch.state import Record
 from pipelines.cli import options as opt
@@ -17,6 +18,8 @@ from pipelines.compare import shape_comparison as shapes
 from pipelines.compare.compare import Comparison, compare_folders
 from pipelines.compare.shape_source import Alignment
 from pipelines.compare.summary import COMPARISON_HEAD, comparison_record, comparison_rows, findings
+from pipelines.export.data import MEASURED
+from pipelines.export.modal import export as write
 from pipelines.report.comparison import write_comparison, write_comparisons, write_shape_comparison
 from pipelines.report.page import read_template
 from pipelines.results.options import Options, Units
@@ -243,3 +246,76 @@ def _show_batch(found: Batch, *, as_json: bool) -> None:
     if counts["failed_before"]:
         text += f", {counts['failed_before']} failed before (use --retry-failed to retry them)"
     echo(text if counts["done"] or counts["failed"] else f"Nothing to do: {text}")
+
+
+EXPORT_FORMATS = ("uff", "xlsx", "csv", "json", "mat")
+FRFS = ("both", "measured", "synthesised", "none")
+CONTENT = "Content"
+
+
+def export(
+    result: Annotated[Path, opt.argument("RESULT", "Result folder.")],
+    file_format: Annotated[
+        str,
+        opt.one_of(
+            EXPORT_FORMATS,
+            "uff (universal file), xlsx (Excel), csv (a folder of tables), json or mat (MATLAB). "
+            "Default: the ending of --out, or uff.",
+            opt.FILES,
+            "--format",
+        ),
+    ] = "",
+    out: Annotated[
+        Path | None,
+        opt.option("File, or folder for csv. Default: named after the result.", opt.FILES, "PATH"),
+    ] = None,
+    force: Annotated[bool, opt.replacing("an earlier export")] = False,
+    accept_changes: opt.AcceptChanges = False,
+    real: Annotated[
+        bool, opt.flag("--real", "Real shapes (normal modes), not complex ones.", CONTENT)
+    ] = False,
+    frfs: Annotated[
+        str,
+        opt.one_of(FRFS, "FRFs: both, measured, synthesised (from the modes) or none.", CONTENT),
+    ] = "both",
+    text: Annotated[
+        bool, opt.flag("--text", "FRFs as text (58), for programs without 58b.", CONTENT)
+    ] = False,
+    decimal_comma: Annotated[
+        bool,
+        opt.flag("--decimal-comma", "CSV with semicolons and decimal commas, for Excel.", CONTENT),
+    ] = False,
+    cylindrical: Annotated[
+        bool,
+        opt.flag("--cylindrical", "Universal file: shapes along radius, circle, axle.", CONTENT),
+    ] = False,
+    as_json: opt.Json = False,
+) -> None:
+    """Write modes, shapes, geometry and FRFs of a result for other modal programs.
+
+    Examples:
+      ringmodal export results/tyre_7
+      ringmodal export results/tyre_7 --format uff --out tyre_7.unv --real
+      ringmodal export results/tyre_7 --format csv --decimal-comma
+      ringmodal export results/tyre_7 --format mat --out tyre_7.mat --frfs none
+    """  # noqa: D406, D407 - a heading of the help
+    with reporting_outcome(out or result):
+        content = {"real": real, "text": text, "force": force, "accept_changes": accept_changes}
+        content |= {"cylindrical": cylindrical, "decimal_comma": decimal_comma}
+        written = write(result, out, file_format, frfs=frfs, **content)
+    found, notes = written.export, written.export.geometry.notes
+    counts = {"modes": len(found.modes), "nodes": found.geometry.node.size}
+    for kind in (MEASURED, SYNTHESISED):
+        counts[f"frfs_{kind}"] = sum(f.n_positions for each, _, f in found.frfs if each == kind)
+    if as_json:
+        about = {"path": str(written.path), "format": written.file_format}
+        print_json({**about, **counts, "notes": notes})
+        return
+    for note in notes:
+        echo_error(f"Note: {note}.")
+    kind = "real" if found.is_real else "complex"
+    echo(
+        f"{counts['modes']} {kind} shapes at {len(set(found.geometry.row_node.tolist()))} nodes, "
+        f"{counts['frfs_measured']} measured and {counts['frfs_synthesised']} synthesised FRFs"
+    )
+    echo(f"Written: {written.path}")

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from ema.circumference.belt_motion import stretch_hz
-from ema.circumference.orders import circle_basis
+from ema.circumference.orders import circle_basis, stretch_hz
 from model import modal_mass_kg
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
