@@ -15,6 +15,8 @@ from pipelines.cli import show_tyre
 from pipelines.cli.app import Command, group
 from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
+from pipelines.library.export import export as write
+from pipelines.library.export import version_rows, write_table
 from pipelines.library.history import difference, history_of, pressure_series
 from pipelines.library.library import (
     VARIABLE,
@@ -23,10 +25,7 @@ from pipelines.library.library import (
     numbers_of,
     read_source,
     resolve,
-    version_rows,
-    write_table,
 )
-from pipelines.library.library import export as write
 from pipelines.library.numbering import require_version, split_reference
 from pipelines.library.version import Version, login_name
 from pipelines.report.ring import ENDINGS, write_series

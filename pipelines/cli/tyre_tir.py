@@ -17,7 +17,8 @@ from pipelines.cli.terminal import echo, echo_error, print_json
 from pipelines.export.belt import measured_modes, write_modal_targets
 from pipelines.export.tir_file import read_tir, save_tir
 from pipelines.export.tir_update import TirChange, TirUpdate, plan_update, ring_from_tir
-from pipelines.library.library import export, resolve
+from pipelines.library.export import export
+from pipelines.library.library import resolve
 from pipelines.storage.atomic import file_written_whole
 
 VALUES = "Values"
