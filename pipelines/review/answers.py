@@ -16,14 +16,13 @@ from ema.core.display import value_with_std
 from ema.core.edits import OF_CHANNELS, OF_POLES, Edit, EditKind
 from ema.core.errors import FitError, InputError
 from ema.core.modes import Mode
+from pipelines import report, review
 from pipelines.process.refit import of_blocks, refit
-from pipelines.report.write import save
 from pipelines.results.edits_file import EDITS_NAME, edits_of
 from pipelines.results.result import Result
 from pipelines.review import curves
 from pipelines.review.bench import Bench, Desk, Event, StaleError
 from pipelines.review.curves import evidence
-from pipelines.review.folder import compared, frf_blob, is_at_rig, require_few
 from pipelines.review.sight import ModeRow, Sight, edit_text, refusal
 from pipelines.review.worker import recordings_of, replayed
 from pipelines.storage.atomic import MARKER
@@ -83,7 +82,7 @@ def sign(bench: Bench, revision: int, by: str, note: str, name: str) -> Path:
     at = datetime.now(UTC).isoformat(timespec="seconds")
     signed = {"by": by.strip(), "at": at, **({"note": note} if note else {})}
     bench.require(revision)
-    save(replace(again, provenance={**again.provenance, "signed": signed}), target)
+    report.write.save(replace(again, provenance={**again.provenance, "signed": signed}), target)
     return target
 
 
@@ -183,7 +182,7 @@ class Office:
             return "/"
         if (place / MARKER).is_file():
             return f"/r/{name}"
-        return f"/w/{name}" if is_at_rig(place) else "/"
+        return f"/w/{name}" if review.folder.is_at_rig(place) else "/"
 
     def read(self, place: Sequence[str], query: Mapping[str, str]) -> tuple[Answer, int]:
         """Answer to a request that changes nothing, with its status."""
@@ -243,10 +242,10 @@ def read(desk: Desk, place: Sequence[str], query: Mapping[str, str]) -> Answer:
             return desk.landing()
         case ["compare"]:
             results, names = _compared(desk, query)
-            return compared(results, names)
+            return review.folder.compared(results, names)  # type: ignore[no-any-return]
         case ["compare", "frf"]:
             results, names = _compared(desk, query)
-            return frf_blob(results, names, _angle(query))
+            return review.folder.frf_blob(results, names, _angle(query))  # type: ignore[no-any-return]
         case ["w", name] if (watch := desk.watch(name)) is not None:
             return watch.record()
         case ["r", name, what] if (bench := desk.bench(name)) is not None:
@@ -320,7 +319,7 @@ def _signed(desk: Desk, bench: Bench, revision: int, content: Content) -> Conten
 
 def _compared(desk: Desk, query: Mapping[str, str]) -> tuple[list[Result], list[str]]:
     names = [name for name in query.get("ids", "").split(",") if name]
-    require_few(names)
+    review.folder.require_few(names)
     results = [desk.result(name) for name in names]
     found = [result for result in results if result is not None]
     return (found, names) if len(found) == len(names) else _missing()

@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ema.core.edits import Edit
 from ema.core.errors import FitError, InputError, SupersededError
@@ -24,16 +24,18 @@ from ema.core.references import mapped
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_of_spectra import restated
+from pipelines import review
 from pipelines.library.version import login_name
 from pipelines.process.refit import asked_of, of_blocks, refittable, settings_of
 from pipelines.results.edits_file import edits_of
 from pipelines.results.result import Result, edit_records
-from pipelines.review.folder import landing
 from pipelines.review.session import Session, key, keys, opened
 from pipelines.review.sight import Sight, edit_text, refusal, state
-from pipelines.review.watch import Watch
 from pipelines.review.worker import Jobs, Stop, Worker, loaded, recordings_of, reread
 from pipelines.storage.atomic import MARKER
+
+if TYPE_CHECKING:
+    from pipelines.review.watch import Watch
 
 _KEPT_FITS = 24  # undo and redo among these asks for no fit
 _KEPT_FRFS = 2  # edits of channels have FRFs of their own, some 20 MB
@@ -378,7 +380,7 @@ class Desk:
         with self._lock:
             if name not in self._watches:
                 changed = {"kind": "watch", "id": name}
-                self._watches[name] = Watch(path, lambda: self.tell(changed))
+                self._watches[name] = review.watch.Watch(path, lambda: self.tell(changed))
             return self._watches[name]
 
     def result(self, name: str) -> Result | None:
@@ -395,7 +397,8 @@ class Desk:
 
     def landing(self) -> dict[str, Any]:
         """What the landing page shows."""
-        return landing(self.root, self.name_of, self._jobs.told)
+        told: dict[str, Any] = review.folder.landing(self.root, self.name_of, self._jobs.told)
+        return told
 
     def process(self, name: str) -> dict[str, Any] | None:
         """Process the campaign of a name; None where there is none."""
