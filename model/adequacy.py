@@ -11,7 +11,13 @@ import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
 
 from model.arguments import Array
-from model.identifiability import OUTLIER, WRONG_VALUE, order_1_is_tested, order_1_share
+from model.identifiability import (
+    ORDER_1_STD,
+    OUTLIER,
+    WRONG_VALUE,
+    order_1_is_tested,
+    order_1_share,
+)
 from model.model_form import degrees_of_freedom, model_form, restarted, with_model_form
 from model.parameters import RING_NAMES
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
@@ -211,8 +217,8 @@ def judge_tuning(
     elif all(each.order != 1 for each in evidence) and not order_1_is_tested(search, values):
         share = order_1_share(search, values)
         detail = (
-            f"k_θ rests on order 1 alone: 1 % of order 1 moves k_θ by {share:.2g} %, and no ± "
-            "holds such an error"
+            f"k_θ rests on order 1 alone: 1 % of order 1 moves k_θ by {share:.2g} %. Its ± allows "
+            f"for {100 * ORDER_1_STD:g} %, that of the other parameters does not"
         )
         evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(

@@ -273,8 +273,7 @@ class TuningPriors:
         Deviation of a tyre's frequencies from those of a ring; the paper's are within 0.5 %.
     order_1_std : float or None
         Of order 1 besides its own and that of the model form: this order alone moves the rim.
-        None: no ± holds such an error, and where nothing tests order 1, k_θ is identified only if
-        2.5 % of it do not make k_θ wrong by half.
+        None: where nothing tests order 1, the ± of k_θ alone holds 2.5 % of it, 1 σ.
     parameters : mapping of str to (float, float)
         Value and standard deviation in SI of parameters of `RingParameters` or of
         ``radial_growth_m``.

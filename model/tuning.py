@@ -313,12 +313,11 @@ def _tuned(problem: TuningProblem, *of_rim: Sequence[float]) -> TuningResult:
     values = search.solution(values)
     ring = search.ring(values)
     wider = with_model_form(search, 2.0 * form.std)
-    near, far = (posterior_spread(each, values) for each in (search, wider))
+    order_1_std = 0.0 if tested else ORDER_1_STD
+    near, far = (
+        posterior_spread(each, values, order_1_std=order_1_std) for each in (search, wider)
+    )
     spread = calibrated(near, far, form)
-    if not tested:
-        near, far = (
-            posterior_spread(each, values, order_1_std=ORDER_1_STD) for each in (search, wider)
-        )
     how = _how(search, values, spread, chances_of_half(vars(ring), near, far, form))
     return TuningResult(
         ring=ring,
