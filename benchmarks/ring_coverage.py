@@ -66,11 +66,8 @@ def tuned(ring: RingParameters, damping: RingDamping, rng: np.random.Generator, 
     hz = hz * (1 + noise * rng.standard_normal(hz.size))
     hz *= 1 + how["order_1"] * rng.standard_normal() * (orders == 1)
     ratios = ratios * (1 + 5 * noise * rng.standard_normal(hz.size))
-    stated = {
-        "pressure_std": 0.01 * wrong,
-        "radius_std": 0.005 * wrong,
-        "order_1_std": how["order_1"],
-    }
+    stated = {"pressure_std": 0.01 * wrong, "radius_std": 0.005 * wrong}
+    stated["order_1_std"] = how["order_1"]
     known = {"mean_radius_m": 0.005, "inflation_pressure_pa": 0.01}
     tyre = {
         name: getattr(ring, name) * (1 + wrong * std * rng.standard_normal())

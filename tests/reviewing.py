@@ -14,7 +14,6 @@ from pathlib import Path
 from starlette.testclient import TestClient
 
 from pipelines.review.answers import Office
-from pipelines.review.bench import Desk
 from pipelines.review.server import application, begun
 
 PORT, TOKEN = 8123, "f" * 64
@@ -27,7 +26,7 @@ class Page:
 
     def __init__(self, desk, name, **headers):
         own = {"Origin": ORIGIN, "X-Ringmodal-Token": TOKEN, **headers}
-        app = application(begun(lambda: Office(desk)), PORT, TOKEN)
+        app = application(begun(lambda: desk), PORT, TOKEN)
         self.client = TestClient(app, base_url=ORIGIN, headers=own)
         self.place = f"/api/r/{name}"
 
@@ -62,7 +61,7 @@ def until(ask, is_enough):
 @contextmanager
 def review(folder, **headers):
     """A page of a result, whose server ends afterwards."""
-    desk = Desk(folder.parent)
+    desk = Office(folder.parent)
     try:
         yield Page(desk, desk.name_of(folder.resolve()), **headers)
     finally:

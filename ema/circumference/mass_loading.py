@@ -145,9 +145,7 @@ def _bared(
             own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
     taken = np.concatenate([taken_soft, taken], axis=1)
     values = rows.values + np.array([row @ taken[k] for row, k in zip(basis, run, strict=True)])
-    bare = replace(frf, values=values[: frf.n_positions])
-    if fixed is not None:
-        bare = replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
+    bare = _apart(frf, fixed, values)
     drive = np.tile(_drive_point(bare, excitation_deg), (len(names), 1, 1))
     at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0]
     at_force -= taken[:, :1].sum(axis=1) + taken[:, 1::2].sum(axis=1)  # only cosines move the force
@@ -190,6 +188,14 @@ def _waves(
         name: circle_basis(angles - excitation_deg, highest) for name, angles in sensors_deg.items()
     }
     return basis, seats
+
+
+def _apart(frf: FRF, fixed: FRF | None, values: Complex) -> FRF:
+    """FRFs, and those of the fixed sensor, with the values of `_joined` rows."""
+    bare = replace(frf, values=values[: frf.n_positions])
+    if fixed is None:
+        return bare
+    return replace(bare, reference=replace(fixed, values=values[frf.n_positions :]))
 
 
 def _at_seats(frf: FRF, run: str, angles_deg: Real, around: Complex) -> Complex:

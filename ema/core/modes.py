@@ -303,13 +303,11 @@ class ModalModel(ReadonlyArrays):
         """
         poles, residues = self.poles_and_residues(as_measured=run is not None)
         names = np.array(list(run or [""] * len(residues)))[rows]
-        lower, upper = self.residual_terms.lower[rows], self.residual_terms.upper[rows]
-        residues = residues[rows]
-        values = np.empty((len(residues), np.size(frequency_hz)), dtype=complex)
+        parts = residues[rows], self.residual_terms.lower[rows], self.residual_terms.upper[rows]
+        values = np.empty((names.size, np.size(frequency_hz)), dtype=complex)
         for name in np.unique(names):
-            own = names == name
-            seen = self.drift.poles_in(str(name), poles)
-            values[own] = synthesise(frequency_hz, seen, residues[own], lower[own], upper[own])
+            own, seen = names == name, self.drift.poles_in(str(name), poles)
+            values[own] = synthesise(frequency_hz, seen, *(part[own] for part in parts))
         return values
 
     def poles_and_residues(
@@ -410,14 +408,9 @@ def modes_html(modes: Sequence[Mode], caption: str) -> str:
     head = ("mode", "order", "frequency / Hz", "damping / %", "MPC", "purity", "pair", "status")
     rows = [
         (
-            str(number_of_mode),
-            "–" if mode.order is None else f"{mode.order}{mode.member}",
-            value_with_std(mode.frequency_hz, mode.frequency_std_hz),
-            _damping(mode),
-            f"{mode.mpc:.3f}",
-            number(mode.order_purity),
-            mode.pair,
-            mode.status,
+            *(str(number_of_mode), "–" if mode.order is None else f"{mode.order}{mode.member}"),
+            *(value_with_std(mode.frequency_hz, mode.frequency_std_hz), _damping(mode)),
+            *(f"{mode.mpc:.3f}", number(mode.order_purity), mode.pair, mode.status),
         )
         for number_of_mode, mode in enumerate(modes, start=1)
     ]

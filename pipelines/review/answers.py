@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import shlex
-from asyncio import AbstractEventLoop, Queue
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from math import isfinite
 from pathlib import Path
@@ -21,7 +20,7 @@ from pipelines.process.refit import of_blocks, refit
 from pipelines.results.edits_file import EDITS_NAME, edits_of
 from pipelines.results.result import Result
 from pipelines.review import curves
-from pipelines.review.bench import Bench, Desk, Event, StaleError
+from pipelines.review.bench import Bench, Desk, StaleError
 from pipelines.review.curves import evidence
 from pipelines.review.sight import ModeRow, Sight, edit_text, refusal
 from pipelines.review.worker import recordings_of, replayed
@@ -159,25 +158,22 @@ class MissingError(LookupError):
     """Something that a request names is not there."""
 
 
-@dataclass(frozen=True)
-class Office:
-    """A desk that answers, whatever goes wrong: what the server wants of it."""
-
-    desk: Desk
+class Office(Desk):
+    """A desk that answers, whatever goes wrong: what the server wants."""
 
     @classmethod
     def opened(cls, place: Path, name: str) -> Office:
         """With a result, a campaign or a folder of them, which has a name in addresses."""
         is_result = (place / MARKER).is_file()
-        desk = Desk(place.parent if is_result else place, {name: place})
+        office = cls(place.parent if is_result else place, {name: place})
         if is_result:
             with suppress(InputError):  # the page learns of it
-                desk.bench(name)
-        return cls(desk)
+                office.bench(name)
+        return office
 
     def page(self, name: str) -> str:
         """Path of the page to begin with, for a folder that has a name."""
-        place = self.desk.place(name)
+        place = self.place(name)
         if place is None:
             return "/"
         if (place / MARKER).is_file():
@@ -186,34 +182,17 @@ class Office:
 
     def read(self, place: Sequence[str], query: Mapping[str, str]) -> tuple[Answer, int]:
         """Answer to a request that changes nothing, with its status."""
-        return _answered(lambda: read(self.desk, place, query))
+        return _answered(lambda: read(self, place, query))
 
     def write(self, place: Sequence[str], content: Content) -> tuple[Answer, int]:
         """Answer to a request that changes something, with its status."""
         try:
-            return _answered(lambda: write(self.desk, place, content))
+            return _answered(lambda: write(self, place, content))
         except StaleError as error:
             told = {"where": "revision", "found": str(error), "rule": "another page changed it"}
             told |= {"remedy": "Look at the new state"}
-            bench = self.desk.bench(place[1])
+            bench = self.bench(place[1])
             return {"error": told, "state": bench and bench.state()}, 409
-
-    def listening(self, loop: AbstractEventLoop) -> AbstractContextManager[Queue[Event]]:
-        """Yield a queue of the events from now on."""
-        return self.desk.listening(loop)
-
-    def tell(self, event: Event) -> None:
-        """Pass an event on to all pages."""
-        self.desk.tell(event)
-
-    def close(self) -> None:
-        """End fits, watches and processes, and free the drafts."""
-        self.desk.close()
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether a thread goes on after `close`."""
-        return self.desk.is_busy
 
 
 def _answered(answer: Callable[[], Answer]) -> tuple[Answer, int]:

@@ -9,10 +9,9 @@ import re
 import secrets
 import socket
 import tempfile
-import threading
 import webbrowser
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping, MutableMapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -370,16 +369,9 @@ def serve(
 
 def begun(opened: Callable[[], Answering]) -> Future[Answering]:
     """Who answers, from a function that is called in a thread of its own."""
-    office: Future[Answering] = Future()
-    office.set_running_or_notify_cancel()  # a request that is given up takes nothing back
-
-    def opening() -> None:
-        try:
-            office.set_result(opened())
-        except BaseException as error:  # noqa: BLE001 - it belongs to whoever waits for the result
-            office.set_exception(error)
-
-    threading.Thread(target=opening, name="opening", daemon=True).start()
+    pool = ThreadPoolExecutor(1, "opening")
+    office = pool.submit(opened)
+    pool.shutdown(wait=False)
     return office
 
 

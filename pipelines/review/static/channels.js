@@ -71,5 +71,5 @@ export function mount(host, bench) {
     follow(list, ".chosen", bench.view.row);
   }
 
-  bench.watch(["state", "row"], draw, () => [bench.view.row, JSON.stringify(bench.around.map((channel) => [channel.row, channel.why, verdict(channel)]))]);
+  bench.watch(["state", "row"], draw, () => [bench.view.row, JSON.stringify(bench.around.map((channel) => [channel.row, channel.why, channel.gain, verdict(channel)]))]);
 }

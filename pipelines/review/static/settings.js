@@ -54,5 +54,8 @@ export function mount(host, bench) {
       drift && drift !== "none" && el("p", { className: "soft" }, `Drift: ${drift}`));
   }
 
-  bench.watch(["state", "zoom"], draw, () => [bench.state.revision, bench.state.drift, bench.view.zoom]);
+  bench.watch(["state", "zoom"], draw, () => {
+    const { revision, drift, settings, band_hz: band } = bench.state;
+    return [revision, drift, JSON.stringify([settings, band]), bench.view.zoom];
+  });
 }

@@ -262,6 +262,8 @@ def test_another_band(bench):
     state = settled(bench, cursor=1)
     assert state["band_hz"][1] == 130
     assert max(mode["frequency_hz"] for mode in state["modes"] if mode["listed"]) < 130
+    shown = "return document.querySelector('[data-focus=\"Band to, Hz\"]').value === '130'"
+    bench.wait(shown)
 
 
 def test_what_an_edit_would_cost(bench):

@@ -14,7 +14,7 @@ from pipelines.library.library import TyreLibrary
 from pipelines.report.write import save
 from pipelines.results.options import Options
 from pipelines.results.store import load
-from pipelines.review.bench import Desk
+from pipelines.review.answers import Office
 from pipelines.review.folder import compared, is_at_rig, landing, search
 
 
@@ -33,7 +33,7 @@ def lab(tmp_path, reviewed_once, short_campaign):
 
 @pytest.fixture
 def home(lab):
-    desk = Desk(lab)
+    desk = Office(lab)
     yield Page(desk, "")
     desk.close()
 

@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 
 from pipelines.report.write import save
 from pipelines.results.store import load
-from pipelines.review.bench import Desk
+from pipelines.review.answers import Office
 from pipelines.review.server import MOST_BYTES, application
 
 ASIDE = {"kind": "set_aside", "pole": {"frequency_hz": 100.3}}
@@ -22,7 +22,7 @@ EDIT = {"revision": 0, "edit": ASIDE}
 def server(reviewed_once, tmp_path_factory):
     """A desk with an open result, and its name."""
     folder = copied(reviewed_once, tmp_path_factory.mktemp("attacked"))
-    desk = Desk(folder.parent)
+    desk = Office(folder.parent)
     yield desk, desk.name_of(folder.resolve())
     desk.close()
 

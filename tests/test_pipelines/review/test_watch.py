@@ -12,7 +12,7 @@ from reviewing import Page, until
 from ema.core.finding import Check
 from ema.io.formats import read_file
 from ema.io.uff.write import write_time_series
-from pipelines.review.bench import Desk
+from pipelines.review.answers import Office
 from pipelines.review.watch import advice, expected, looked_at, settled
 from pipelines.simulate.campaign import FORCE_RMS_N, simulate_campaign
 
@@ -158,7 +158,7 @@ def test_runs_whose_places_nobody_states_are_checked_each_alone(rig):
 
 def test_the_page_is_told_of_a_new_run(rig):
     folder = rig(1)
-    desk = Desk(folder)
+    desk = Office(folder)
     try:
         name = desk.name_of(folder)
         page = Page(desk, name)
