@@ -131,8 +131,8 @@ _SMALL_DRIFT, _SMALL_DAMPING_DRIFT = 0.05, 1.0
 def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Finding]:
     """Drift of each run against the first, one finding each; none with a single run.
 
-    It is stated at the lowest and the highest of the frequencies of the modes, and a warning where
-    it is neither small nor within what goes up and down from run to run.
+    It is stated with its ± in the middle, and at the lowest and the highest of the frequencies of
+    the modes; a warning where it is neither small nor within what goes up and down from run to run.
     """
     if len(drift.run) < 2 or not frequencies_hz.size:
         return []
@@ -144,6 +144,8 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
     small = np.array([_SMALL_DRIFT, _SMALL_DRIFT, _SMALL_DAMPING_DRIFT])[:, None]
     beyond = np.abs(at) > np.maximum(np.minimum(3 * std, 2 * small), small)
     warned = drift.applied & np.any(beyond, axis=0)
+    middle_hz = drift.middle_hz
+    middle_std = np.hypot(drift.std_percent, 100 * drift.unsteadiness(middle_hz)[0])
     says = "the run was fitted in its own state" if drift.applied else "no more than chance"
     return [
         Finding(
@@ -152,9 +154,10 @@ def drift_findings(drift: Drift, frequencies_hz: NDArray[np.float64]) -> list[Fi
             position_deg=None,
             check=Check.DRIFT,
             verdict=Verdict.WARNING if warned[k] else Verdict.OK,
-            detail=f"natural frequencies {at[0, k]:+.4f} ± {std[0, k]:.4f} % at {ends_hz[0]:.0f} "
-            f"Hz to {at[1, k]:+.4f} ± {std[1, k]:.4f} % at {ends_hz[1]:.0f} Hz, damping "
-            f"{at[2, k]:+.2f} ± {std[2, k]:.2f} %, relative to {drift.run[0]}; {says}",
+            detail=f"natural frequencies {drift.percent[k]:+.4f} ± {middle_std[k]:.4f} % at "
+            f"{middle_hz:.0f} Hz ({at[0, k]:+.4f} % at {ends_hz[0]:.0f} Hz, {at[1, k]:+.4f} % at "
+            f"{ends_hz[1]:.0f} Hz), damping {at[2, k]:+.2f} ± {std[2, k]:.2f} %, relative to "
+            f"{drift.run[0]}; {says}",
         )
         for k, run in list(enumerate(drift.run))[1:]
     ]
