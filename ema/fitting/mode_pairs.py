@@ -168,6 +168,7 @@ class PairSearch:
         self.middle = replace(fit, poles=lines.drifted(fit.poles, self.state))
         self.whole = in_one_state(fit, self.middle.poles) + leakage
         self.pairs = {each.key: lines.drifted(each.poles, self.state) for each in orders}
+        self.in_pairs = {k for each in orders for k in each.members[1:]}  # its pair is in their place
         if orders and len(fit.drift) > 1:
             poles, shapes = self._two_for_one(orders)
             wanted = lines.drifted(poles, self.state)
@@ -175,7 +176,8 @@ class PairSearch:
                 here = lines.drifted(poles, drift)
                 moved = np.append(wanted, here), np.concatenate([shapes, -shapes], axis=1)[rows]
                 self.whole[rows] += _alone(lines.frequency_hz, *moved)
-        self.counted = [o for o in self.orders if o[1][0] not in self.beside - self.pairs.keys()]
+        told = {k for each in orders for k in each.members}  # which member comes first can change
+        self.counted = [o for o in self.orders if o[1][0] not in self.beside - told]
         self.mixing = WaveMixing(
             fit,
             self.middle.poles,
@@ -219,7 +221,7 @@ class PairSearch:
         alike = {k for n, others in self.orders if n == order for k in others}
         poles, sizes = list[complex](), list[float]()
         for k, pole in enumerate(self.middle.poles):
-            if k not in found:
+            if k not in found and k not in self.in_pairs:
                 own = self.pairs.get(k, np.array([pole]))
                 size = _sizes(self.middle)[k] if k in alike else self.mixed[k]
                 poles += own.tolist()

@@ -64,6 +64,22 @@ def test_each_order_by_itself_says_the_same(split):
         assert report.damping_std > 0
 
 
+def test_a_pair_counts_once_whichever_member_comes_first():
+    """Of two poles as strong as each other, noise says which one stands for the order."""
+    frf = systems.campaign_frf(truth_modes(split_percent=3.0), 50)
+    curve = identify_modes(frf, band_hz=(20.0, 260.0)).basis.fit.curve
+    search, ring = curve.pair_search(), curve.ring
+    beside = [each for each in ring if abs(each.pair.mean) > 2 * np.pi * 260]
+    assert [len(each.members) for each in beside[:1]] == [2]
+    known = []
+    for orders in ring, [replace(each, members=each.members[::-1]) for each in ring]:
+        search.resolve(orders)
+        known.append([search.seen_of(each.order, list(each.members)).known for each in ring])
+    for before, after in zip(*known, strict=True):
+        assert len(before.beside) == len(after.beside)
+        assert sum(after.beside_size) == pytest.approx(sum(before.beside_size), rel=0.01)
+
+
 @pytest.mark.parametrize(("place", "member"), [(0.0, "a"), (1.0, "b")])
 def test_a_pair_with_the_shaker_on_an_antinode_is_not_resolvable(place, member):
     truth = truth_modes(split_percent=2.5, shaker_between=place)
