@@ -8,25 +8,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.orders import (
-    PURE,
-    family,
-    label_modes,
-    on_circle,
-    order_basis,
-    order_content,
-)
+from ema.circumference.orders import family, label_modes, on_circle, order_basis, order_content
 from ema.core.drift import Drift
 from ema.core.frf import FRF
-from ema.core.mac import auto_mac
 from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.evidence import std_over_positions
 from ema.fitting.order_pair import RingOrder
-from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
+from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.variable_projection import Complex, Real
-from ema.signals.leakage import has_leakage, leakage_bias, leakage_of
+from ema.signals.leakage import bias_as_before, has_leakage, leakage_bias, leakage_of
 
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
@@ -44,14 +36,6 @@ _MIXED_JOINTLY = 0.02
 _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
-# Poles closer than this share of their half-width are one at first …
-_CLOSE = 0.5
-# … and closer than this where runs have states of their own, which two poles explain instead.
-_CLOSE_IN_RUNS = 1.0
-# Without a circle that could tell their orders, poles closer than this are one at first …
-_SAME = 0.15
-# … if their residues together have this share of their power in one order, or this MAC.
-_ONE_ORDER = 0.8
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
 
@@ -377,65 +361,18 @@ def cleared_lines(frf: FRF, lines: Lines, poles: Complex, drift: Real) -> Lines:
     return fit.lines
 
 
-def surplus_poles(
-    labelled: Sequence[Mode], fit: PoleFit, in_runs: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Poles that only improve the fit of others; `in_runs` may follow the states of the runs.
-
-    They end on a bound of their damping, or lie within the resonance of a mode of the ring and
-    have its order or none: what an order's second mode is comes from the order's own FRFs.
-    """
-    surplus = np.zeros(fit.poles.size, dtype=bool)
-    members = family(labelled)
-    main = {found[0] for found in members.values()}
-    bound = fit.at_bound[0 : 2 * len(labelled) : 2]
-    reach = np.where(in_runs, _CLOSE_IN_RUNS, _CLOSE)
-    for k, mode in enumerate(labelled):
-        if k in main:
-            continue
-        near = [
-            o
-            for o in main
-            if abs(labelled[o].frequency_hz - mode.frequency_hz)
-            < reach[o] * labelled[o].damping_ratio * labelled[o].frequency_hz
-        ]
-        same = any(mode.order == labelled[o].order or mode.order_purity < PURE for o in near)
-        surplus[k] = bound[k] or same
-    return surplus
-
-
-def merged(
-    lines: Lines, poles: NDArray[np.complex128], position_deg: NDArray[np.float64]
-) -> NDArray[np.complex128]:
-    """Poles with one in the place of several that share the resonance of one order.
-
-    With free residues at all positions, two poles closer than their width explain each run's
-    own frequency and damping, whatever the cause. What a pair is comes from its order's FRFs.
-    """
-    fit = evaluate(lines, poles, np.zeros((1, N_DRIFT)))
-    rest = list(np.argsort(np.abs(poles[:-N_STAND_INS])))
-    chosen: list[complex] = []
-    while rest:
-        group = [rest.pop(0)]
-        while rest and _is_close(poles[group[-1]], poles[rest[0]]):
-            group.append(rest.pop(0))
-        one = len(group) > 1 and _look_alike(poles[group], fit.residues[:, group], position_deg)
-        chosen += [complex(np.mean(poles[group]))] if one else poles[group].tolist()
-    return np.append(chosen, poles[-N_STAND_INS:])
-
-
-def _look_alike(
-    poles: NDArray[np.complex128],
-    residues: NDArray[np.complex128],
-    position_deg: NDArray[np.float64],
-) -> bool:
-    """Whether close poles share one order, or, without a circle, one shape."""
-    if on_circle(position_deg):
-        return order_content(residues.sum(axis=1), position_deg).purity > _ONE_ORDER
-    apart = np.ptp(np.abs(poles)) / np.min(-poles.real)
-    return bool(apart < _SAME or np.min(auto_mac(residues.T)) > _ONE_ORDER)
-
-
-def _is_close(one: complex, other: complex) -> bool:
-    """Whether two poles lie within half the half-width of each other's resonance."""
-    return bool(abs(one - other) < _CLOSE * min(-one.real, -other.real))
+def cleared_like(
+    before: FRF,
+    lines_before: Lines,
+    cleared_before: Lines,
+    frf: FRF,
+    lines: Lines,
+    poles: Complex,
+    drift: Real,
+) -> Lines:
+    """Lines of other rows of a measurement without their bias: that of before where it is known."""
+    there, bias = lines_before.values, lines_before.values - cleared_before.values
+    known = bias_as_before(frf, lines.values, before, there, bias)
+    if known is None:
+        return cleared_lines(frf, lines, poles, drift)
+    return replace(lines, values=lines.values - known)

@@ -168,7 +168,7 @@ class PairSearch:
         self.middle = replace(fit, poles=lines.drifted(fit.poles, self.state))
         self.whole = in_one_state(fit, self.middle.poles) + leakage
         self.pairs = {each.key: lines.drifted(each.poles, self.state) for each in orders}
-        self.in_pairs = {k for each in orders for k in each.members[1:]}  # its pair is in their place
+        self.in_pairs = {k for each in orders for k in each.members[1:]}  # it stands for these too
         if orders and len(fit.drift) > 1:
             poles, shapes = self._two_for_one(orders)
             wanted = lines.drifted(poles, self.state)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -21,17 +20,18 @@ from ema.fitting.covariance import band_shift, line_correlation
 from ema.fitting.evidence import (
     at_mean_of_positions,
     is_hidden,
+    merged,
     residue_size,
     scatter_over_positions,
     share_resonance,
+    surplus_poles,
     visible_share,
 )
 from ema.fitting.fit_steps import (
+    cleared_like,
     cleared_lines,
     cleared_of_moved,
-    merged,
     modes_of,
-    surplus_poles,
     without_leakage,
 )
 from ema.fitting.listing import with_own_factor
@@ -58,7 +58,6 @@ from ema.fitting.run_states import (
 from ema.fitting.variable_projection import Complex, Real
 from ema.poles.estimators import widened_band
 from ema.poles.tracking import PoleSelection
-from ema.signals.leakage import bias_as_before
 
 # A pole damped this many times more than the others, on its bound, is no mode.
 _BROAD = 3.0
@@ -277,8 +276,15 @@ class CurveFit:
         if self.drift.is_as(before) and not however_little:
             self.drift = self.drift.at_states_of(before)
             return False
-        self.fit = in_states(self.fit, self._shifts)
+        self.fit = self._in_new_states(in_states(self.fit, self._shifts))
         return True
+
+    def _in_new_states(self, fit: PoleFit) -> PoleFit:
+        """Fit again where runs have other states: what leakage does is that of poles in these."""
+        lines = self.lines
+        if self.fit.lines is not lines:
+            lines = cleared_lines(self.frf, lines, fit.poles, fit.drift)
+        return self._fit_near(lines, fit.poles, fit.drift)
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
         """Fit the pair of each order of the ring, from the FRFs of that order."""
@@ -350,14 +356,7 @@ class CurveFit:
     ) -> CurveFit:
         """Fit again from these poles; pairs move along, verdicts and sensitivity stay.
 
-        Parameters
-        ----------
-        added : sequence of complex
-            Further poles, rad/s, behind those there are.
-        starts : mapping of int to complex
-            Other starts of some poles.
-        locked : mapping of int to ndarray
-            Poles that stay where they start.
+        With poles `added` behind those there are, other `starts` of some, and some `locked` there.
         """
         other = copy(self)
         shifts, scatter = (_with_rows(each, len(added)) for each in self.sensitivity)
@@ -370,8 +369,7 @@ class CurveFit:
         poles, other.centre = (np.insert(each, at, further) for each in (poles, other.centre))
         fit = other._fit_near(self.fit.lines, poles, self.fit.drift)
         if self.fit.lines is not self.lines:  # its bias is compensated
-            lines = cleared_of_moved(self.frf, self.fit, fit)
-            fit = fit if lines is None else other._fit_near(lines, fit.poles, fit.drift)
+            fit = other._cleared_again(self.fit, fit)
         other.fit = other.at_mean(fit)
         other.ring = other.pair_search().orders_near(self.ring) if self.ring else ()
         return other
@@ -392,13 +390,12 @@ class CurveFit:
             other.drift = of_runs(self.drift, frf.run_names)
         lines = other.lines
         if self.fit.lines is not self.lines:
-            there, bias = self.lines.values, self.lines.values - self.fit.lines.values
-            known = bias_as_before(other.frf, lines.values, self.frf, there, bias)
-            if known is None:
-                lines = cleared_lines(other.frf, lines, poles, drift)
-            else:
-                lines = replace(lines, values=lines.values - known)
-        other.fit = other.at_mean(other._fit_near(lines, poles, drift))
+            before = self.frf, self.lines, self.fit.lines
+            lines = cleared_like(*before, other.frf, lines, poles, drift)
+        fit = other._fit_near(lines, poles, drift)
+        if lines is not other.lines:
+            fit = other._cleared_again(evaluate(lines, poles, drift), fit)
+        other.fit = other.at_mean(fit)
         if other.circle and ring:
             search = other.pair_search()
             other.ring, states = search.orders_near(ring), other.fit.drift
@@ -406,6 +403,11 @@ class CurveFit:
                 ring = ring_in(other.ring, lines, middle_of(lines, states - other.fit.drift))
                 other.ring = other.pair_search().orders_near(ring)
         return other
+
+    def _cleared_again(self, before: PoleFit, fit: PoleFit) -> PoleFit:
+        """The fit with the bias that its poles have where they moved to since `before`."""
+        lines = cleared_of_moved(self.frf, before, fit)
+        return fit if lines is None else self._fit_near(lines, fit.poles, fit.drift)
 
     def _fit_near(self, lines: Lines, poles: Complex, drift: Real) -> PoleFit:
         """Fit lines from poles and states that are nearly right."""
