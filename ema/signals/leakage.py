@@ -195,13 +195,15 @@ def bias_as_before(
 
     `values` and `values_before` are those of the rows on the same lines, without compensation. A
     row that was flipped or scaled has its bias flipped or scaled. None where a row was not there,
-    or is no multiple of what it was.
+    or is no multiple of what it was, and where the noise of the rows allows more lines or fewer.
     """
     names, known = (
         list(zip(each.run, each.channel, each.node.tolist(), strict=True)) for each in (frf, before)
     )
     place = {name: row for row, name in enumerate(known)}
     if len(place) < len(known) or not place.keys() >= set(names):
+        return None
+    if values.shape[1] != values_before.shape[1]:
         return None
     rows = [place[name] for name in names]
     own = values_before[rows]
