@@ -14,10 +14,7 @@ from ema.core.errors import FitError, InputError, SupersededError
 from ema.core.finding import Check, Verdict
 from ema.core.modes import Chosen, Pair
 from ema.identify import identify_modes
-from ema.io.campaign.read import read_campaign
 from ema.refit import edit_cost, refit_modes
-from ema.signals.frf_estimation import estimate_frf
-from pipelines.simulate.campaign import simulate_campaign
 from pipelines.simulate.truth import truth_modes
 
 BAND_HZ = (60.0, 260.0)
@@ -187,46 +184,6 @@ def test_a_pole_picked_where_there_is_no_mode_is_fitted_and_listed():
     assert len(alone.modes) == len(without.model.modes)
 
 
-def shifts_std(preview, end):
-    """Changes from a preview to the end, in standard deviations."""
-    pairs = zip(preview.model.modes, end.model.modes, strict=True)
-    return [
-        [
-            (a.frequency_hz - b.frequency_hz) / b.frequency_std_hz,
-            (a.damping_ratio - b.damping_ratio) / b.damping_std,
-        ]
-        for a, b in pairs
-    ]
-
-
-def test_a_preview_is_near_the_end_where_one_pole_stood_for_pairs(tmp_path):
-    """The runs see pairs differently: what looks like a drift at first is none."""
-    frf = estimate_frf(
-        read_campaign(simulate_campaign(tmp_path / "c", duration_s=20.0, split_percent=0.7))
-    )
-    found = identify_modes(frf, (20.0, 260.0))
-    edits = [Edit(EditKind.RUN_OUT, run=frf.run_names[2])]
-    preview = refit_modes(found, edits, live=True)
-    assert np.max(np.abs(shifts_std(preview, refit_modes(preview, edits)))) < 0.05
-
-
-def test_a_preview_may_use_more_lines_than_the_fit_before(short_campaign):
-    """The noise of the run left out made a line of the margin useless."""
-    frf = estimate_frf(read_campaign(short_campaign))
-    frf = frf.rows(np.arange(72))
-    run = frf.run_names[2]
-    noisy = [k for k, name in enumerate(frf.run) if name in frf.run_names[2:5]] + [0, 1]
-    std = np.array(frf.std)
-    std[np.ix_(noisy, frf.frequency_hz > 215.0)] *= 1e3
-    frf = replace(frf, std=std)
-    found = identify_modes(frf, (60.0, 210.0))
-    edits = [Edit(EditKind.RUN_OUT, run=run)]
-    preview = refit_modes(found, edits, live=True)
-    lines = [each.basis.fit.curve.lines.frequency_hz.size for each in (found, preview)]
-    assert lines[0] < lines[1]
-    assert np.max(np.abs(shifts_std(preview, refit_modes(preview, edits)))) < 0.5
-
-
 def test_switches_do_one_thing_each(found):
     members = [mode for mode in found.model.modes if mode.member]
     plain = refit_modes(found, [Edit(EditKind.NO_PARTNERS)]).model
@@ -339,23 +296,6 @@ def test_live_numbers_are_marked_and_close_and_what_needs_no_fit_is_final(found,
         assert live.frf.n_positions == final.frf.n_positions
         assert state(refit_modes(live, [change])) == state(final)
     assert state(final) == state(identify_modes(found.measured, edits=[out]))
-
-
-def test_live_numbers_of_runs_that_drift_are_those_of_the_end():
-    """Rounds end where pairs and states agree, and the same poles hold them with or without a run.
-
-    Before, the end was more than a standard deviation away.
-    """
-    drift = np.linspace(0, 1.5, systems.N_RUNS)
-    frf = systems.campaign_frf(truth_modes(split_percent=1.0), 34, drift_percent=drift)
-    automatic = identify_modes(frf, (20.0, 260.0))
-    out = [Edit(EditKind.RUN_OUT, run="run_2")]
-    live, final = (refit_modes(automatic, out, live=each) for each in (True, False))
-    assert final.model.drift.applied
-    for one, other in zip(live.model.modes, final.model.modes, strict=True):
-        assert (one.order, one.member) == (other.order, other.member)
-        assert abs(one.frequency_hz - other.frequency_hz) < 0.5 * other.frequency_std_hz
-        assert abs(one.damping_ratio - other.damping_ratio) < 0.5 * other.damping_std
 
 
 def test_a_fit_that_is_not_wanted_any_more_ends_at_its_next_step(found, single):
