@@ -7,6 +7,7 @@ import mmap
 import os
 import stat
 import unicodedata
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -86,13 +87,62 @@ def fill(samples: NDArray[Any], start: int, into: NDArray[np.float64]) -> None:
         into[:] = piece(samples, start, start + into.size)
 
 
+def side_by_side(arrays: Sequence[NDArray[Any]]) -> list[tuple[list[int], NDArray[Any]]]:
+    """Arrays as columns of matrices, with the places of these: those that alternate in memory.
+
+    An array that alternates with none of the others is a matrix of its own.
+    """
+    addresses = [_address(array) for array in arrays]
+    groups: list[list[int]] = []
+    for place in sorted(range(len(arrays)), key=addresses.__getitem__):
+        if groups and _is_next(arrays, addresses, groups[-1], place):
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    return [(group, _matrix(arrays[group[0]], len(group))) for group in groups]
+
+
+def _is_next(
+    arrays: Sequence[NDArray[Any]], addresses: Sequence[int], group: Sequence[int], place: int
+) -> bool:
+    """Whether each sample of an array lies behind that of the last of a group, in the same row."""
+    first, array = arrays[group[0]], arrays[place]
+    behind = len(group) * first.itemsize
+    return (
+        addresses[place] - addresses[group[0]] == behind < first.strides[0]
+        and (array.dtype, array.shape, array.strides) == (first.dtype, first.shape, first.strides)
+    )
+
+
+def _matrix(first: NDArray[Any], count: int) -> NDArray[Any]:
+    if count == 1:
+        return first[:, np.newaxis]
+    shape, strides = (len(first), count), (first.strides[0], first.itemsize)
+    return np.lib.stride_tricks.as_strided(first, shape, strides, writeable=False)
+
+
+def read_rows(columns: NDArray[Any], start: int, room: NDArray[Any]) -> NDArray[Any]:
+    """Rows of a matrix of `side_by_side` from `start` on, in `room` where they are on disk."""
+    origin = _origin(columns)
+    if origin is None:
+        return columns[start : start + len(room)]
+    step = columns.strides[0]
+    if step == columns.shape[1] * columns.itemsize:
+        row = np.dtype((np.void, step))
+        _read(columns.reshape(-1).view(row), origin, start, room.reshape(-1).view(row))
+    else:
+        for number, column in enumerate(columns.T):
+            room[:, number] = piece(column, start, start + len(room))
+    return room
+
+
 def _origin(samples: NDArray[Any]) -> np.memmap[Any, Any] | None:
     """The whole map of a file that samples are a view of, perhaps as bytes; None for no map."""
     holder: Any = samples
     while holder is not None and not isinstance(getattr(holder, "base", None), mmap.mmap):
         holder = holder.obj if isinstance(holder, memoryview) else getattr(holder, "base", None)
     is_known = isinstance(holder, np.memmap) and holder.filename is not None
-    return holder if is_known and samples.ndim == 1 and samples.strides[0] > 0 else None
+    return holder if is_known and samples.strides[0] > 0 else None
 
 
 def _read(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import ACCELERATION, DISPLACEMENT, FORCE, VELOCITY, Channel, Recording
 from ema.core.units import SI_UNIT, is_stated, parse_unit
 from ema.signals.clipping_and_hum import Hum, HumMeter, Plateaus
+from ema.signals.extents import Extent
 
 _PIECE = 1 << 18
 # Limits of the signal lie beyond its rms; the rest between impacts or bursts does not.
@@ -256,6 +258,14 @@ class _Plausible:
         strong = rms >= self.lowest or peak >= _PEAK_PER_RMS * self.lowest
         return strong and rms <= self.highest
 
+    def must_hold(self, extent: Extent) -> bool:
+        """Whether extreme samples alone tell so: no rms is above them, no peak below half of both.
+
+        One sample of them is enough to be strong, as of an impact.
+        """
+        swing = extent.highest - extent.lowest
+        return swing / 2 >= _PEAK_PER_RMS * self.lowest and extent.size <= self.highest
+
 
 # Below, a sensor shows its own noise (0.01 m/s² is 1 mg; a load cell resolves some mN). Above, it
 # leaves its range: 500 g peak of the least sensitive accelerometers used on tyres, some kN of
@@ -271,19 +281,26 @@ _PLAUSIBLE = {
 
 
 def level_findings(
-    recording: Recording, summaries: Sequence[SignalSummary] | None = None
+    recording: Recording,
+    summaries: Sequence[SignalSummary] | None = None,
+    extents: Mapping[str, Extent] = MappingProxyType({}),
 ) -> list[Finding]:
     """Channels whose level makes no sense for their unit, with the unit that is likely meant.
 
-    A few pieces along the recording tell that a level is in order. Only where they do not is the
-    whole channel read, as an impact may lie between them; `summaries` are those of the channels,
-    where they are known already. Channels without signal are not judged, nor quantities other than
-    motions and forces.
+    The extreme samples, or a few pieces along the recording, tell that a level is in order. Only
+    where they do not is the whole channel read, as an impact may lie between them; `summaries` are
+    those of the channels, where they are known already, `extents` those of channels by name.
+    Channels without signal are not judged, nor quantities other than motions and forces.
     """
     findings = []
     for row, channel in enumerate(recording.channels):
         usual = _PLAUSIBLE.get(channel.quantity)
-        if usual is None or (summaries is None and usual.holds(*_probe(channel))):
+        if usual is None or (
+            summaries is None
+            and (
+                usual.must_hold(_extent_in_use(channel, extents)) or usual.holds(*_probe(channel))
+            )
+        ):
             continue
         summary = summarise(channel) if summaries is None else summaries[row]
         if summary.rms_ac > 0 and not usual.holds(summary.rms_ac, summary.peak_ac):
@@ -291,6 +308,12 @@ def level_findings(
             detail = _explain(channel, summary.rms_ac)
             findings.append(Finding(*place, Check.LEVEL, Verdict.WARNING, detail))
     return findings
+
+
+def _extent_in_use(channel: Channel, extents: Mapping[str, Extent]) -> Extent:
+    """What is known of all samples of a channel, if none of them is set aside."""
+    is_whole = channel.limit == np.inf and not channel.gaps
+    return extents.get(channel.name, Extent()) if is_whole else Extent()
 
 
 def _probe(channel: Channel) -> tuple[float, float]:

@@ -13,15 +13,12 @@ from ema.core.campaign import Run
 from ema.core.finding import Check, Finding
 from ema.core.recording import DERIVATIVES, FORCE, SENSELESS, UNKNOWN, BlockPlan, Channel, Recording
 from ema.signals.excitation import is_steady
+from ema.signals.extents import BEYOND_STEADY, CHUNK, Extent, extents_of
 from ema.signals.signal_checks import STEADY_CREST, signal_findings, summarise
 from ema.signals.spectra import Spectra, ratio
 from ema.signals.stuck_and_repeated import Stretch
 
-_PIECE, _CHUNK = 1 << 16, 1 << 8
-# Noise stays within 6 rms, and what a structure answers rings on: in a steady recording a single
-# sample this many times beyond its neighbours and everything else is no signal. A flipped exponent
-# bit multiplies by 16 (which harms nothing), 256, 65 536, …
-_BEYOND_STEADY = 30.0
+_PIECE = 1 << 16
 # An impact may be one sample wide in a recording that is silent but for the noise of a 24-bit
 # converter, 1.7e7 steps high; its hits are neither. One sample alone 1e6 times beyond is damage.
 _BEYOND_ANY = 1e6
@@ -43,12 +40,17 @@ _LONGEST_RESPONSE = 1 << 15
 _LONG_CHUNK = 1 << 15  # transformed at once: it stays near the processor
 
 
-def with_limits(recording: Recording) -> Recording:
+def with_limits(recording: Recording, extents: Sequence[Extent] | None = None) -> Recording:
     """Give the channels that hold impossible samples a limit beyond which samples are missing.
 
-    A piece of one channel is in memory at a time.
+    `extents` are those of its channels, where they are known already: they tell that most are in
+    order. A piece of one channel is in memory at a time.
     """
-    lonely = [_lonely(channel) for channel in recording.channels]
+    known = extents_of(recording.channels) if extents is None else extents
+    lonely = [
+        _Lonely() if extent.is_even else _lonely(channel)
+        for channel, extent in zip(recording.channels, known, strict=True)
+    ]
     if not any(each.highest for each in lonely):
         return recording
     steady = _is_steady(recording.channels, lonely)
@@ -77,22 +79,22 @@ class _Lonely:
     def limit(self, *, steady: bool) -> float:
         """Magnitude beyond which samples are impossible; infinite where none is."""
         if self.others > 0:
-            beyond = sum(each > _BEYOND_STEADY * self.others for each in self.highest)
+            beyond = sum(each > BEYOND_STEADY * self.others for each in self.highest)
             if steady and 0 < beyond <= _FEW:
-                return _BEYOND_STEADY * self.others
+                return BEYOND_STEADY * self.others
             if self.highest and self.highest[0] > _BEYOND_ANY * self.others:
                 return _BEYOND_ANY * self.others
         return SENSELESS if self.senseless else np.inf
 
 
 def _lonely(channel: Channel) -> _Lonely:
-    """Look for samples that stand alone; most channels need a glance at their peaks only."""
+    """Look for samples that stand alone, if the peaks leave room for them."""
     if _looks_even(channel):
         return _Lonely()
     found, others, senseless = [0.0], 0.0, False
     for piece in _magnitudes(channel, overlap=1):
         here, beside = piece[1:-1], np.maximum(piece[:-2], piece[2:])
-        alone = here > _BEYOND_STEADY * beside
+        alone = here > BEYOND_STEADY * beside
         others = max(others, float(np.max(here, where=~alone & (here < SENSELESS), initial=0.0)))
         found = nlargest(_FEW + 1, [*found, *here[alone].tolist()])
         senseless = senseless or bool(np.any(here >= SENSELESS))
@@ -103,11 +105,11 @@ def _looks_even(channel: Channel) -> bool:
     """Whether no short stretch has a peak so far above that of another that one may be damage."""
     highest, lowest = 0.0, np.inf
     for piece in _magnitudes(channel):
-        whole = piece[: piece.size // _CHUNK * _CHUNK].reshape(-1, _CHUNK).max(axis=1)
-        rest = piece[whole.size * _CHUNK :].max(initial=0.0)
+        whole = piece[: piece.size // CHUNK * CHUNK].reshape(-1, CHUNK).max(axis=1)
+        rest = piece[whole.size * CHUNK :].max(initial=0.0)
         highest = max(highest, float(whole.max(initial=rest)))
         lowest = min(lowest, float(whole.min(initial=np.inf)))
-    return not highest > _BEYOND_STEADY * min(lowest, highest)
+    return not highest > BEYOND_STEADY * min(lowest, highest)
 
 
 def _magnitudes(channel: Channel, overlap: int = 0) -> Iterator[NDArray[np.float64]]:

@@ -44,6 +44,7 @@ from ema.io.content import FileContent, note, unreadable
 from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_file
 from ema.io.frf_table import inertances
 from ema.io.rates import SAME_RATE
+from ema.signals.extents import extents_of
 from ema.signals.signal_checks import level_findings
 from ema.signals.spikes_and_gaps import spike_findings, with_limits
 
@@ -354,13 +355,15 @@ def _fill_runs(
     runs, reference_deg = [], None
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
-        run = assign(with_limits(recording), each, grid, name, findings)
+        extents = extents_of(recording.channels)
+        run = assign(with_limits(recording, extents), each, grid, name, findings)
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         in_use = (*run.channels, *(force.channel for force in run.forces[1:]))
         findings += spike_findings(name, in_use)
-        findings += level_findings(replace(recording, channels=in_use))
+        by_name = dict(zip(recording.names, extents, strict=True))
+        findings += level_findings(replace(recording, channels=in_use), extents=by_name)
     findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
     campaign = _with_masses_of_sums(campaign, [each for _, each in recordings])
     _require_masses(campaign, runs)
