@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import islice
 
 from ema.core.errors import RecordingFormatError
@@ -40,6 +41,10 @@ _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
 _SEPARATORS = ("\t", ";", ",", "|")
+# By the separator of a dialect: others, unless they may be in a number.
+_OTHER_SEPARATORS = {
+    each: re.compile("[" + "\t;|".replace(each, "") + "]") for each in (*_SEPARATORS, BLANKS)
+}
 
 
 @dataclass(frozen=True)
@@ -152,11 +157,42 @@ def _dialects(lines: Sequence[Line], separators: Sequence[str]) -> Iterator[Dial
 
 
 def _row(line: Line, dialect: Dialect) -> _Row:
+    return _row_of_numbers(line, dialect) or _row_of_cells(line, dialect)
+
+
+def _row_of_numbers(line: Line, dialect: Dialect) -> _Row | None:
+    """A row of plain numbers at one glance; None for one whose cells must be looked at.
+
+    With a decimal sign that is not of the dialect a number is a text.
+    """
+    for decimal, form in _row_forms(dialect.separator).items():
+        if form.fullmatch(line.text):
+            width = line.text.count(dialect.separator) + 1
+            texts = 0 if decimal == dialect.decimal else line.text.count(decimal)
+            return _Row(line, dialect.separator, width, width, width - texts, texts)
+    return None
+
+
+@lru_cache
+def _row_forms(separator: str) -> dict[str, re.Pattern[str]]:
+    """Rows of plain numbers by their decimal sign; none where runs of blanks separate."""
+    forms = {}
+    for decimal in ".,".replace(separator, "") if separator != BLANKS else "":
+        cell = rf"[+-]?[0-9]+(?:[{decimal}][0-9]*)?(?:[eE][+-]?[0-9]+)?"
+        forms[decimal] = re.compile(rf"{cell}(?:{re.escape(separator)}{cell})*")
+    return forms
+
+
+def _row_of_cells(line: Line, dialect: Dialect) -> _Row:
     cells = cells_of(line.text, dialect.separator)
+    foreign = _OTHER_SEPARATORS[dialect.separator]
+    has_foreign = foreign.search(line.text) is not None
     filled, numbers, texts, is_only = 0, 0, 0, len(cells) == 1
     for index, cell in enumerate(cells, 1):
         filled = index if cell else filled
-        if is_number(cell, dialect.decimal, is_only=is_only) or cell.lower() in NOT_A_NUMBER:
+        if has_foreign and foreign.search(cell):  # neither in numbers nor in times
+            texts += 1
+        elif is_number(cell, dialect.decimal, is_only=is_only) or cell.lower() in NOT_A_NUMBER:
             numbers += 1
         elif cell.lower() not in MISSING and not (is_clock(cell) or is_date(cell)):
             texts += 1
@@ -166,10 +202,12 @@ def _row(line: Line, dialect: Dialect) -> _Row:
 def _table(lines: Sequence[Line], dialect: Dialect) -> _Table | None:
     """The longest run of numbers near the beginning, if possible one with names above."""
     rows: list[_Row] = []
+    n_data = 0  # rows in succession
     for line in lines:
-        rows.append(_row(line, dialect))
-        sample = rows[-min(_SAMPLE_ROWS, 2 + _SAMPLE_CELLS // rows[-1].width) :]
-        if len(sample) > 1 and all(row.is_data for row in sample):
+        row = _row(line, dialect)
+        rows.append(row)
+        n_data = n_data + 1 if row.is_data else 0
+        if n_data >= max(2, min(_SAMPLE_ROWS, 2 + _SAMPLE_CELLS // row.width, len(rows))):
             break
     tables = [_table_at(rows, first, dialect) for first in _starts(rows, dialect)]
     return max(tables, key=lambda each: (each.names is not None, each.n_data), default=None)

@@ -20,13 +20,14 @@ from ema.io.columns import Column, content_of_columns
 from ema.io.content import COPY_AGAIN, EXPORT_AGAIN, FileContent, entries, note, remark
 from ema.io.rates import UNSTATED, Rate, rate_of_step
 from ema.io.text.layout import Layout
-from ema.io.text.source import Dialect, open_text, starts_of
+from ema.io.text.source import Dialect, begins_some_line, count_of, open_text, starts_of
 from ema.io.text.table import missing_samples, read_cells
 
 SUFFIXES = (".lvm",)
 _NEXT_HEADER = re.compile(
     rb"^(?:Channels|Test_|UUT_|Model_Number|Serial_Number|Notes|\*\*\*)", re.MULTILINE
 )
+_FIRST_OF_HEADERS = b"CTUMSN*"
 _FIRST_WORDS = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _MOST_LINES = 1000
@@ -126,7 +127,8 @@ def _first_segment(
 ) -> Iterator[bytes]:
     """Text up to the header of another segment, without lines of separators alone before it."""
     for section in sections:
-        header = _NEXT_HEADER.search(section)
+        may_be = begins_some_line(_FIRST_OF_HEADERS, section)  # far faster on numbers
+        header = _NEXT_HEADER.search(section) if may_be else None
         if header is None:
             yield section
             continue
@@ -140,8 +142,8 @@ def _first_segment(
 def _without_comments(section: bytes, layout: Layout) -> bytes:
     """Cut the last column, comments, which only some rows have."""
     separator = layout.dialect.separator.encode()
-    n_lines = section.count(b"\n")
-    if section.count(separator) <= n_lines * (layout.width - 1):
+    n_lines = count_of(b"\n", section)
+    if count_of(separator, section) <= n_lines * (layout.width - 1):
         return section
     cut = bytearray()
     for line in section.splitlines():

@@ -35,6 +35,7 @@ from ema.io.text.source import (
     Dialect,
     TextSource,
     cells_of,
+    count_of,
     is_clock,
     is_number,
 )
@@ -157,7 +158,7 @@ class _Reader:
             if self._layout.width == 1:
                 self._held += section
             else:
-                self._line += section.count(b"\n")
+                self._line += count_of(b"\n", section)
             return
         if self._layout.width == 1:
             section = self._without_blank_end(section)
@@ -175,7 +176,7 @@ class _Reader:
                     values = self._nanoseconds(section, index, values)
                 for chunk in values.chunks:
                     column.append(chunk.to_numpy(zero_copy_only=False), narrow=narrow)
-        self._line += section.count(b"\n")
+        self._line += count_of(b"\n", section)
         self._tail = section[-(1 << 16) :]
 
     def _without_blank_end(self, section: bytes) -> bytes:
