@@ -31,6 +31,17 @@ class FileMap(np.memmap[Any, Any]):
 
     stamp: Stamp  # of the file then
 
+    @classmethod
+    def of(cls, path: Path) -> FileMap:
+        """The bytes of a file; numpy would look up every folder of its path for links."""
+        with path.open("rb") as file:
+            stored = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+            status = os.fstat(file.fileno())
+        whole = np.ndarray.__new__(cls, (len(stored),), np.uint8, stored)
+        whole._mmap, whole.filename = stored, Path(os.path.abspath(path))
+        whole.offset, whole.mode, whole.stamp = 0, "r", stamp_of(status)
+        return whole
+
 
 def stamp_of(status: os.stat_result) -> Stamp:
     """Size and time of the last change, by which a file is known to be another one."""
@@ -54,8 +65,7 @@ def mapped(
     key = (path, status.st_ino, stamp_of(status))
     whole = _MAPS.get(key)
     if whole is None:
-        whole = _MAPS[key] = FileMap(path, np.uint8, "r")
-        whole.stamp = stamp_of(status)
+        whole = _MAPS[key] = FileMap.of(path)
     if shape is None:
         return whole
     n_bytes = math.prod(shape) * np.dtype(dtype).itemsize

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -154,8 +155,9 @@ def content_of_columns(
     noticed += rate_findings(path, rate)
     repeated = Counter(column.name for _, column in signals)
     channels = [_channel(path, each, repeated[each.name] > 1, noticed) for _, each in signals]
-    starts_s = [column.start_s + _axis_of(times, at).start_s for at, column in signals]
-    lengths = [_axis_of(times, at).n_samples or len(each.samples) for at, each in signals]
+    own = [(column, _axis_of(times, at)) for at, column in signals]
+    starts_s = [column.start_s + axis.start_s for column, axis in own]
+    lengths = [axis.n_samples or len(column.samples) for column, axis in own]
     together = aligned(path, channels, starts_s, rate.hz, noticed, lengths)
     recording = Recording(path, rate.hz, together, (rate.low_hz, rate.high_hz))
     windows, ignored = stated_windows(path, statements or {})
@@ -186,10 +188,13 @@ def _place_of_axis(times: Mapping[int, _Axis], at: int) -> int:
     return max((place for place in times if place < at), default=min(times))
 
 
+_ONLY_AXIS = _Axis("")
+
+
 def _axis_of(times: Mapping[int, _Axis], at: int) -> _Axis:
     """Axis of a column; starts count from the first axis."""
     if len(times) < 2:
-        return _Axis("")
+        return _ONLY_AXIS
     axis, first = times[_place_of_axis(times, at)], times[min(times)]
     return replace(axis, start_s=axis.start_s - first.start_s)
 
@@ -289,6 +294,9 @@ def rises_evenly(samples: NDArray[Any]) -> bool:
     """Whether a column counts or tells the time, whatever its name: no signal rises evenly."""
     if samples.dtype.kind not in "iuf" or len(samples) < _FEWEST_OF_AXIS:
         return False
+    few = samples[:_FEWEST_OF_AXIS].tolist()
+    if any(later < earlier for earlier, later in pairwise(few)):  # most signals
+        return False
     first = np.array(samples[:_FIRST_ROWS], dtype=np.float64)
     if (first[1:] < first[:-1]).any():
         return False
@@ -362,6 +370,9 @@ def aligned(
     by parts of a sample, are printed too coarsely, or have nothing in common.
     """
     lengths = list(lengths) or [channel.n_samples for channel in channels]
+    all_lengths = {*lengths, *(channel.n_samples for channel in channels)}
+    if max(starts_s) == min(starts_s) and len(all_lengths) == 1 and all_lengths != {0}:
+        return tuple(channels)
     late = np.array(starts_s) - min(starts_s)
     if late.any():
         late *= _known(path, rate_hz, late.max())

@@ -289,8 +289,8 @@ def stated_windows(
     """
     windows, others = [], []
     for place, value in statements.items():
-        name, text = place.rpartition("/")[2], _text(value)
-        if not _SUBJECT.search(name) or text.lower() in _OFF:
+        name = place.rpartition("/")[2]
+        if not _SUBJECT.search(name) or (text := _text(value)).lower() in _OFF:
             continue
         said = f"{name} = {text[:_LONGEST]}"
         words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", f"{name} {text}").replace("_", " ")

@@ -21,18 +21,20 @@ Reader = Callable[[Path], FileContent]
 FORMATS = (arrow, csv, hdf5, lvm, matlab, tdms, uff, wav, xlsx)
 READERS = {ending: module for module in FORMATS for ending in module.SUFFIXES}
 _NAMED = {end: module for module in FORMATS for end in getattr(module, "NAMED_SUFFIXES", ())}
+_KNOWN = READERS | _NAMED
 _HEAD_BYTES = 512
 # What files of a format begin with, whatever their name ends in.
-_BEGINNINGS = {
-    rb"(?:\s*\n)?    -1\s*\n\s*[0-9]{2,4}b?\s": uff,
-    rb"LabVIEW Measurement": lvm,
-    rb"PK\x03\x04.{26}(?:\[Content_Types\]\.xml|xl/|_rels/|docProps/)": xlsx,
-    rb"\x89HDF\r\n\x1a\n": hdf5,
-    rb"MATLAB 5\.0 MAT-file": matlab,
-    rb"TDSm": tdms,
-    rb"(?:RIFF|RF64).{4}WAVE": wav,
-    rb"PAR1|ARROW1": arrow,
-}
+_BEGINNINGS = [
+    (rb"(?:\s*\n)?    -1\s*\n\s*[0-9]{2,4}b?\s", uff),
+    (rb"LabVIEW Measurement", lvm),
+    (rb"PK\x03\x04.{26}(?:\[Content_Types\]\.xml|xl/|_rels/|docProps/)", xlsx),
+    (rb"\x89HDF\r\n\x1a\n", hdf5),
+    (rb"MATLAB 5\.0 MAT-file", matlab),
+    (rb"TDSm", tdms),
+    (rb"(?:RIFF|RF64).{4}WAVE", wav),
+    (rb"PAR1|ARROW1", arrow),
+]
+_BEGIN = [(re.compile(start, re.DOTALL), module) for start, module in _BEGINNINGS]
 # Lines of damaged universal files and LabVIEW files, which are no tables.
 _MARKS = re.compile(r"^[ \t]*-1[ \t\r]*$|^\*\*\*End|LabVIEW", re.MULTILINE)
 _OLD_WORKBOOK = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
@@ -84,19 +86,19 @@ def read_file(path: Path, *, headers_only: bool = False) -> FileContent:
     if not exists(path):
         rule = "the path must lead to a recording"
         raise RecordingFormatError(str(path), "file not found", rule, _suggestion(path))
-    known = READERS | _NAMED
-    fitting = [ending for ending in known if path.name.lower().endswith(ending)]
-    head = _head(path) if path.is_file() else b""
+    name, is_file = path.name.lower(), path.is_file()
+    fitting = [ending for ending in _KNOWN if name.endswith(ending)]
+    head = _head(path) if is_file else b""
     inside = _by_content(path, head)
-    if not path.is_file() or not (fitting or inside):
-        found = f"ending {path.suffix!r}" if path.is_file() else "not a file"
-        rule = f"recordings end in {', '.join(sorted(known))}"
+    if not is_file or not (fitting or inside):
+        found = f"ending {path.suffix!r}" if is_file else "not a file"
+        rule = f"recordings end in {', '.join(sorted(_KNOWN))}"
         raise RecordingFormatError(str(path), found, rule, "Export to one of these formats")
     if not head:
         rule = "a recording must contain samples"
         raise RecordingFormatError(str(path), "the file is empty", rule, COPY_AGAIN)
     refuse_result(path, head.splitlines()[0].decode("latin-1").strip().split(","))
-    module = known[max(fitting, key=len)] if fitting else None  # .csv.gz before .gz
+    module = _KNOWN[max(fitting, key=len)] if fitting else None  # .csv.gz before .gz
     if inside is None and module not in (None, csv) and _is_misnamed_table(path, head):
         inside = csv
     if inside is module or (module is matlab and inside is hdf5):
@@ -128,7 +130,7 @@ def _by_content(path: Path, head: bytes) -> Any:
         rule = "it is an Excel workbook of the old kind, or another Office document"
         remedy = "Save it as .xlsx or CSV"
         raise RecordingFormatError(path.name, "an OLE file", rule, remedy)
-    matches = (form for start, form in _BEGINNINGS.items() if re.match(start, head, re.DOTALL))
+    matches = (module for form, module in _BEGIN if form.match(head))
     return next(matches, None)
 
 

@@ -8,6 +8,7 @@ trusts the sizes in a damaged file (see the architecture page).
 from __future__ import annotations
 
 import math
+import struct
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -140,6 +141,7 @@ class Mat5Reader:
         self.path = path
         self._bytes = mapped(path).data
         self._order = "<" if bytes(self._bytes[126:128]) == b"IM" else ">"
+        self._tag = struct.Struct(f"{self._order}II")
         self._unpacked_bytes = 0
 
     def variables(self) -> dict[str, Any]:
@@ -174,7 +176,7 @@ class Mat5Reader:
         """First element of `data`, and what follows it."""
         if len(data) < 8:
             raise self._damaged(f"{len(data)} bytes left where an element begins")
-        kind, size = np.frombuffer(data, f"{self._order}u4", 2).tolist()
+        kind, size = self._tag.unpack_from(data)
         if kind >> 16:  # up to four bytes are kept beside their tag
             kind, size = kind & 0xFFFF, kind >> 16
             if size > 4:
@@ -192,7 +194,7 @@ class Mat5Reader:
             tag = stream.decompress(packed, 8)
             if len(tag) < 8:
                 raise self._damaged("a compressed variable without content")
-            kind, size = np.frombuffer(tag, f"{self._order}u4").tolist()
+            kind, size = self._tag.unpack(tag)
             self._unpacked_bytes += size
             check_expansion(self.path.name, self.path, self._unpacked_bytes)
             content = stream.decompress(stream.unconsumed_tail, size) if size else b""
@@ -282,7 +284,8 @@ class Mat5Reader:
     def _integers(self, element: _Element) -> list[int]:
         if element.kind not in _INTEGERS:
             raise self._damaged(f"an element of type {element.kind} where integers are expected")
-        return [int(value) for value in self._numbers(element)]
+        values: list[int] = self._numbers(element).tolist()
+        return values
 
     def _text(self, element: _Element) -> str:
         encoding = _TEXTS.get(element.kind)

@@ -6,6 +6,7 @@ import io
 import math
 import struct
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check
 from ema.core.recording import ACCELERATION, FORCE
-from ema.core.units import FREQUENCY, TIME, AxisUnit, is_stated, parse_axis, parse_unit
+from ema.core.units import FREQUENCY, NAMES_KEPT, TIME, AxisUnit, is_stated, parse_axis, parse_unit
 from ema.io.columns import Column, content_of_columns, name_and_unit
 from ema.io.content import LEAVE_OUT, FileContent, check_stored, note, reading, remark, require
 from ema.io.variables import stated_rate
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".tdms",)
 _TAG = b"TDSm"
+_LITTLE_BYTES = 1 << 16  # that may be reserved for nothing
 _LEAD_IN_BYTES = 28
 _BIG_ENDIAN = 1 << 6  # of a segment's table of contents
 _UNITS = ("unit_string", "NI_UnitDescription", "unit")
@@ -48,11 +50,10 @@ def read(path: Path) -> FileContent:
         wanted = _fastest(usable)
         samples = _samples(path, tdms, wanted)
         starts_s = _starts_s(wanted)
-        statements = {
-            f"{channel.group_name}/{channel.name}/wf_increment": step_s
-            for channel in wanted
-            if math.isfinite(step_s := _step_s(channel))
-        }
+        places: dict[float, str] = {}  # of each different step
+        for channel in wanted:
+            places.setdefault(_step_s(channel), f"{channel.group_name}/{channel.name}/wf_increment")
+        statements = {place: step_s for step_s, place in places.items() if math.isfinite(step_s)}
         properties = {
             f"{place}/{name}": value
             for place, item in enumerate((tdms, *tdms.groups(), *wanted))
@@ -80,6 +81,8 @@ class _BoundedFile(io.BufferedReader):
         self.size = path.stat().st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
+        if size is not None and 0 <= size <= _LITTLE_BYTES:
+            return super().read(size)
         left = max(self.size - self.tell(), 0)
         return super().read(left if size is None or size < 0 else min(size, left))
 
@@ -141,7 +144,12 @@ def _samples(path: Path, tdms: TdmsFile, channels: list[TdmsChannel]) -> list[ND
 
 def _axis_of(channel: TdmsChannel) -> AxisUnit | None:
     """Kind of a channel's axis by its unit or its name, and its factor; None where not known."""
-    unit, name = (str(channel.properties.get(key, "")) for key in ("wf_xunit_string", "wf_xname"))
+    properties = channel.properties
+    return _axis(str(properties.get("wf_xunit_string", "")), str(properties.get("wf_xname", "")))
+
+
+@lru_cache(NAMES_KEPT)
+def _axis(unit: str, name: str) -> AxisUnit | None:
     axis = parse_axis(unit) if is_stated(unit) else parse_axis(name) or AxisUnit(TIME, 1.0)
     return AxisUnit(FREQUENCY, 1.0) if axis and "freq" in name.lower() else axis
 

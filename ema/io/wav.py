@@ -6,7 +6,6 @@ chunks that other programs add too.
 
 from __future__ import annotations
 
-import mmap
 import struct
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -38,15 +37,15 @@ def read(path: Path) -> FileContent:
     Floats stay on disk as a memory map. `RecordingFormatError` if the file is missing, damaged,
     truncated, or compressed.
     """
-    with reading(path, "a WAV file"), path.open("rb") as file:
-        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    with reading(path, "a WAV file"):
+        data = mapped(path).data
     places: dict[bytes, tuple[int, int]] = {}
     for name, start, size in _chunks(path, data):
         places[name] = (start, size)
         if name == b"data":
             break
     start, size = _place(path, places, b"fmt ")
-    layout, n_channels, rate_hz = _format(f"{path.name}, 'fmt '", data[start : start + size])
+    layout, n_channels, rate_hz = _format(f"{path.name}, 'fmt '", bytes(data[start : start + size]))
     start, size = _place(path, places, b"data")
     row = n_channels * layout.itemsize
     detail = "WAV files have no unit; samples are fractions of full scale"
@@ -63,17 +62,17 @@ def read(path: Path) -> FileContent:
     if size % row:
         found, rule = f"{size} bytes of samples", f"each instant takes {row} bytes"
         raise RecordingFormatError(path.name, found, rule, LEAVE_OUT)
-    stored = mapped(path, layout, start, (size // layout.itemsize,))
+    stored = np.asarray(mapped(path, layout, start, (size // layout.itemsize,)))
     tracks = enumerate(_fractions(stored).reshape(-1, n_channels).T, start=1)
     columns = [Column(f"channel {number}", "", track) for number, track in tracks]
     return content_of_columns(path, columns, rate=exact_rate(float(rate_hz)), findings=findings)
 
 
-def _chunks(path: Path, data: mmap.mmap) -> Iterator[tuple[bytes, int, int]]:
+def _chunks(path: Path, data: memoryview) -> Iterator[tuple[bytes, int, int]]:
     """Names, first bytes and sizes of the chunks, in the order of the file."""
     if data[:4] not in (b"RIFF", b"RF64") or data[8:12] != b"WAVE":
         rule = "a WAV file begins with RIFF or RF64, and WAVE"
-        raise RecordingFormatError(path.name, repr(data[:12]), rule, EXPORT_AGAIN)
+        raise RecordingFormatError(path.name, repr(bytes(data[:12])), rule, EXPORT_AGAIN)
     start, size_in_ds64 = 12, None
     while start + 8 <= len(data):
         name, size = struct.unpack("<4sI", data[start : start + 8])
