@@ -44,12 +44,13 @@ class Extent:
 def extents_of(channels: Sequence[Channel]) -> list[Extent]:
     """Extents of channels of one length; those that are stored side by side are read together."""
     ends = np.empty((3, len(channels)))
+    room = np.empty(_PIECE_BYTES, np.uint8)  # fresh memory takes longer than what is read into it
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is not known
         matrices = side_by_side([channel.samples for channel in channels])
         if channels[0].n_samples <= _FEW:
             matrices = [_joined(matrices)]
         for places, columns in matrices:
-            ends[:, places] = _ends(columns)
+            ends[:, places] = _ends(columns, room)
         ends *= [channel.scale_to_si for channel in channels]
     return [_extent(*each) for each in ends.T.tolist()]
 
@@ -71,29 +72,23 @@ def _extent(one: float, other: float, least: float) -> Extent:
     return Extent(lowest, highest, size <= BEYOND_STEADY * abs(least))
 
 
-def _ends(columns: NDArray[Any]) -> NDArray[np.float64]:
+def _ends(columns: NDArray[Any], room: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Lowest and highest sample of each column, and what the least peak of its chunks exceeds."""
     n_samples, count = columns.shape
-    n_rows = max(_PIECE_BYTES // (count * columns.itemsize * CHUNK), 1) * CHUNK
-    room = np.empty((min(n_rows, n_samples), count), columns.dtype)
-    pieces = [
-        _ends_of_piece(read_rows(columns, start, room[: n_samples - start]))
-        for start in range(0, n_samples, n_rows)
-    ]
-    lowest, highest, least = zip(*pieces, strict=True)
-    return np.array([np.min(lowest, axis=0), np.max(highest, axis=0), np.min(least, axis=0)])
-
-
-def _ends_of_piece(rows: NDArray[Any]) -> tuple[Any, Any, Any]:
-    rows = _as_floats(rows)
-    n_samples, count = rows.shape
-    whole = n_samples // CHUNK
-    some = np.full(count, np.inf)  # without a whole chunk
-    if whole:
-        first = rows[: whole * CHUNK].reshape(whole, CHUNK, count).swapaxes(0, 1)
-        peaks = np.maximum.reduce(np.abs(first[::_APART], order="C"))
-        some = np.minimum.reduce(peaks)
-    return _along_columns(np.minimum, rows), _along_columns(np.maximum, rows), some
+    row_bytes = count * columns.itemsize
+    n_rows = max(room.size // (row_bytes * CHUNK), 1) * CHUNK
+    enough = room if n_rows * row_bytes <= room.size else np.empty(n_rows * row_bytes, np.uint8)
+    rows = enough[: n_rows * row_bytes].view(columns.dtype).reshape(n_rows, count)
+    found = np.array([[np.inf], [-np.inf], [np.inf]]).repeat(count, axis=1)
+    for start in range(0, n_samples, n_rows):
+        piece = _as_floats(read_rows(columns, start, rows[: n_samples - start]))
+        found[0] = np.minimum(found[0], _along_columns(np.minimum, piece))
+        found[1] = np.maximum(found[1], _along_columns(np.maximum, piece))
+        if len(piece) >= CHUNK:
+            chunks = piece[: len(piece) // CHUNK * CHUNK].reshape(-1, CHUNK, count)
+            some = np.abs(chunks.swapaxes(0, 1)[::_APART], order="C")
+            found[2] = np.minimum(found[2], np.minimum.reduce(np.maximum.reduce(some)))
+    return found
 
 
 def _along_columns(extreme: np.ufunc, rows: NDArray[Any]) -> Any:
