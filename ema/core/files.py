@@ -30,6 +30,7 @@ class FileMap(np.memmap[Any, Any]):
     """A map of a file as it was when it was opened."""
 
     stamp: Stamp  # of the file then
+    _mmap: mmap.mmap
 
     @classmethod
     def of(cls, path: Path) -> FileMap:
@@ -38,7 +39,7 @@ class FileMap(np.memmap[Any, Any]):
             stored = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
             status = os.fstat(file.fileno())
         whole = np.ndarray.__new__(cls, (len(stored),), np.uint8, stored)
-        whole._mmap, whole.filename = stored, Path(os.path.abspath(path))
+        whole._mmap, whole.filename = stored, str(path.absolute())
         whole.offset, whole.mode, whole.stamp = 0, "r", stamp_of(status)
         return whole
 
@@ -118,10 +119,11 @@ def _is_next(
     """Whether each sample of an array lies behind that of the last of a group, in the same row."""
     first, array = arrays[group[0]], arrays[place]
     behind = len(group) * first.itemsize
-    return (
-        addresses[place] - addresses[group[0]] == behind < first.strides[0]
-        and (array.dtype, array.shape, array.strides) == (first.dtype, first.shape, first.strides)
-    )
+    return addresses[place] - addresses[group[0]] == behind < first.strides[0] and (
+        array.dtype,
+        array.shape,
+        array.strides,
+    ) == (first.dtype, first.shape, first.strides)
 
 
 def _matrix(first: NDArray[Any], count: int) -> NDArray[Any]:

@@ -51,7 +51,7 @@ def read(path: Path) -> FileContent:
     detail = "WAV files have no unit; samples are fractions of full scale"
     findings = [remark(path, "", Check.UNIT, detail)]
     left = len(data) - start
-    is_next = size == 0 and data[start : start + 4] in _CHUNKS
+    is_next = size == 0 and bytes(data[start : start + 4]) in _CHUNKS
     if size in (0, _IN_DS64) and left >= row and not is_next:
         size = left // row * row
         detail = f"the header was never completed: read to the end, {size // row} samples"
@@ -70,9 +70,10 @@ def read(path: Path) -> FileContent:
 
 def _chunks(path: Path, data: memoryview) -> Iterator[tuple[bytes, int, int]]:
     """Names, first bytes and sizes of the chunks, in the order of the file."""
-    if data[:4] not in (b"RIFF", b"RF64") or data[8:12] != b"WAVE":
+    begin = bytes(data[:12])
+    if begin[:4] not in (b"RIFF", b"RF64") or begin[8:] != b"WAVE":
         rule = "a WAV file begins with RIFF or RF64, and WAVE"
-        raise RecordingFormatError(path.name, repr(bytes(data[:12])), rule, EXPORT_AGAIN)
+        raise RecordingFormatError(path.name, repr(begin), rule, EXPORT_AGAIN)
     start, size_in_ds64 = 12, None
     while start + 8 <= len(data):
         name, size = struct.unpack("<4sI", data[start : start + 8])

@@ -297,9 +297,7 @@ def level_findings(
         usual = _PLAUSIBLE.get(channel.quantity)
         if usual is None or (
             summaries is None
-            and (
-                usual.must_hold(_extent_in_use(channel, extents)) or usual.holds(*_probe(channel))
-            )
+            and (usual.must_hold(_extent_in_use(channel, extents)) or usual.holds(*_probe(channel)))
         ):
             continue
         summary = summarise(channel) if summaries is None else summaries[row]

@@ -1,95 +1,15 @@
 """HDF5 files: where labs put samples, units and rates, and what must not be followed."""
 
-import re
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from damage import assert_no_other_exception, assert_truncations_named
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hdf5_layouts import LAYOUTS, NOISE, RATE_HZ, N, add, of_file, written
 
 from ema.core.errors import RecordingFormatError
 from ema.core.recording import ACCELERATION, FORCE
 from ema.io.formats import read_file
-
-RATE_HZ = 2000.0
-N = 50
-NOISE = np.random.default_rng(3).standard_normal((N, 2))
-NAMES, UNITS = ["force", "A01"], ["N", "g"]
-
-
-def add(place, name, samples, unit=None, **attributes):
-    dataset = place.create_dataset(name, data=samples)
-    dataset.attrs.update(attributes if unit is None else {"unit": unit, **attributes})
-    return dataset
-
-
-def of_file(file):
-    add(file, "force", NOISE[:, 0], "N")
-    add(file, "A01", NOISE[:, 1], "g")
-    file.attrs["sampling_rate_hz"] = RATE_HZ
-
-
-def of_group(file):
-    group = file.create_group("measurement/run_1")
-    group.create_dataset("force [N]", data=NOISE[:, 0])
-    group.create_dataset("A01 [g]", data=NOISE[:, 1, None])
-    group.parent.attrs["sample_rate"] = "2000 Hz"
-
-
-def of_datasets(file):
-    add(file, "force", NOISE[:, 0], np.bytes_("N"), dt=1 / RATE_HZ)
-    add(file, "A01", NOISE[:, 1], "g", fs=np.array([RATE_HZ]))
-
-
-def with_time(file):
-    add(file, "time", 1e3 * np.arange(N) / RATE_HZ, "ms")
-    add(file, "force", NOISE[:, 0], units="N")
-    add(file, "A01", NOISE[:, 1], units="g")
-
-
-def with_a_number(file):
-    of_file(file)
-    del file.attrs["sampling_rate_hz"]
-    file["fs"] = RATE_HZ
-
-
-def matrix(file):
-    add(file, "data", NOISE, names=NAMES, units=UNITS, fs=RATE_HZ)
-
-
-def matrix_of_rows(file):
-    add(
-        file, "data", NOISE.T, channels=np.array(NAMES, "S"), units=np.array(UNITS, "S"), fs=RATE_HZ
-    )
-
-
-def in_chunks(file):
-    for column, (name, unit) in enumerate(zip(NAMES, UNITS, strict=True)):
-        made = file.create_dataset(name, data=NOISE[:, column], chunks=(7,), shuffle=True)
-        made.attrs["unit"] = unit
-    file.attrs["Fs"] = RATE_HZ
-
-
-def compressed(file):
-    options = {"compression": "gzip", "fletcher32": True}
-    made = file.create_dataset("x", data=NOISE, **options)
-    made.attrs.update({"labels": NAMES, "unit": UNITS})
-    file.attrs["dt"] = 1 / RATE_HZ
-
-
-LAYOUTS = [of_file, of_group, of_datasets, with_time, with_a_number, matrix, matrix_of_rows]
-LAYOUTS += [in_chunks, compressed]
-
-
-def written(tmp_path, *writers, **options):
-    with h5py.File(tmp_path / "a.h5", "w", **options) as file:
-        for write in writers:
-            write(file)
-    return tmp_path / "a.h5"
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -208,100 +128,6 @@ def test_what_is_elsewhere_or_no_signal_is_left_out(tmp_path, odd):
 
 def _only(tmp_path):
     return written(tmp_path, lambda file: file.create_group("empty"))
-
-
-def claimed(file):
-    space = h5py.h5s.create_simple((10**12,))
-    h5py.h5d.create(file.id, b"a", h5py.h5t.IEEE_F64LE, space)
-
-
-def claimed_in_chunks(file):
-    file.create_dataset("a", (10**12,), "f8", chunks=(1000,))
-
-
-def one_great_chunk(file):
-    file.create_dataset(
-        "a", data=np.zeros(5), chunks=(2**22,), maxshape=(None,), compression="gzip"
-    )
-
-
-def silence(file):
-    file.create_dataset("a", data=np.zeros(5_000_000), compression="gzip")
-
-
-def two_rates(file):
-    add(file, "a", NOISE[:, 0], fs=1000.0)
-    add(file, "b", NOISE[:, 1], fs=2000.0)
-
-
-def rate_in_words(file):
-    add(file, "a", NOISE[:, 0], fs="high")
-
-
-def two_lengths(file):
-    add(file, "a", NOISE[:, 0])
-    add(file, "b", NOISE[1:, 1])
-
-
-def too_few_names(file):
-    add(file, "a", np.zeros((N, 3)), names=NAMES)
-
-
-FAULTS = {
-    claimed: "8000000000000 bytes of numbers claimed, 0 stored",
-    claimed_in_chunks: "8000000000000 bytes of numbers claimed",
-    one_great_chunk: "bytes of numbers claimed by a file of",
-    silence: "40000",
-    two_rates: "1000 Hz by '/a/fs', 2000 Hz by '/b/fs'",
-    rate_in_words: "one positive number",
-    two_lengths: "50 samples of 'a', 49 of 'b'",
-    too_few_names: "50 × 3 and 2 names",
-}
-
-
-@pytest.mark.parametrize(("write", "message"), FAULTS.items())
-def test_faults_are_named(tmp_path, write, message):
-    path = written(tmp_path, write)
-    with pytest.raises(RecordingFormatError, match=re.escape(message)) as caught:
-        read_file(path)
-    assert "a.h5" in caught.value.where
-
-
-@pytest.mark.parametrize("content", [b"", b"time,A01\n0,1\n", b"\x89HDF\r\n\x1a\n" + bytes(99)])
-def test_wrong_content_is_named(tmp_path, content):
-    (tmp_path / "a.h5").write_bytes(content)
-    with pytest.raises(RecordingFormatError, match=r"a\.h5"):
-        read_file(tmp_path / "a.h5")
-
-
-def test_texts_without_length_do_not_hang(tmp_path):
-    path = written(tmp_path, matrix)
-    content = bytearray(path.read_bytes())
-    heap = content.index(b"GCOL")
-    content[heap + 24] = 70  # the first text's length, which now leads to a free space of nothing
-    path.write_bytes(content)
-    with pytest.raises(RecordingFormatError, match="lengths do not add up"):
-        read_file(path)
-
-
-@pytest.mark.parametrize("layout", [of_file, compressed])
-def test_every_truncation_is_named(tmp_path, layout):
-    assert_truncations_named(written(tmp_path, layout), read_file, step=331)
-
-
-@pytest.mark.parametrize("layout", [of_datasets, compressed])
-@settings(max_examples=40)
-@given(data=st.data())
-def test_no_damage_escapes_as_another_exception(tmp_path_factory, layout, data):
-    path = written(tmp_path_factory.mktemp("damage"), layout)
-    assert_no_other_exception(path, read_file, lambda *ends: data.draw(st.integers(*ends)))
-
-
-def test_without_the_library_it_is_named(tmp_path, monkeypatch):
-    path = written(tmp_path, of_file)
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(RecordingFormatError, match="pip install h5py"):
-        read_file(path)
 
 
 def test_a_complex_sampling_rate_is_none(tmp_path):
