@@ -29,6 +29,7 @@ from ema.core.units import (
     parse_unit,
     unit_in_name,
 )
+from ema.io.alignment import aligned
 from ema.io.content import (
     EXPORT_AGAIN,
     FileContent,
@@ -74,7 +75,6 @@ _LABEL = re.compile(r"^(?P<name>.*?)\s*(?:\[(?P<unit>[^\[\]]*)\])?$", re.DOTALL)
 _FEWEST_OF_AXIS = 16  # rows below which numbers may rise evenly by chance
 _SLOWEST_HZ = 50.0  # of what may be a time beside another source; angles rise more slowly
 _FIRST_ROWS = 64  # that tell a signal from an axis without a look at all of it
-_SHARE_OF_SAMPLE = 0.02  # by which starts may miss a whole sample: 1.4 degrees of phase at fs/10
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +166,20 @@ def content_of_columns(
 
 def _with_unit_of_time(column: Column) -> Column:
     """The unit of a time that ends its name, or is all of it."""
-    stem, unit = label_of_axis(column.name, column.unit)
+    unit = _unit_of_time(column.name, column.unit)
+    return column if unit == column.unit else replace(column, unit=unit)
+
+
+@lru_cache(NAMES_KEPT)
+def _unit_of_time(name: str, stated: str) -> str:
+    stem, unit = label_of_axis(name, stated)
     is_named = stem.lower() in _TIME_NAMES or _TIME_WORD.search(stem.lower()) is not None
-    if is_stated(column.unit) or not is_named:
-        return column
-    return replace(column, unit=unit)
+    return unit if is_named and not is_stated(stated) else stated
+
+
+@lru_cache(NAMES_KEPT)
+def _is_spectrum(name: str) -> bool:
+    return _SPECTRUM.search(name) is not None
 
 
 @dataclass(frozen=True)
@@ -355,64 +364,6 @@ def _seconds_of_ramp(
     return 1.0
 
 
-def aligned(
-    path: Path,
-    channels: Sequence[Channel],
-    starts_s: Sequence[float],
-    rate_hz: float,
-    findings: list[Finding],
-    lengths: Sequence[int] = (),
-    rounding_s: float = 0.0,
-) -> tuple[Channel, ...]:
-    """Channels cut to the span that all of them have, if they start whole samples apart.
-
-    `rounding_s` is the last printed place of the starts. `RecordingFormatError` if starts differ
-    by parts of a sample, are printed too coarsely, or have nothing in common.
-    """
-    lengths = list(lengths) or [channel.n_samples for channel in channels]
-    all_lengths = {*lengths, *(channel.n_samples for channel in channels)}
-    if max(starts_s) == min(starts_s) and len(all_lengths) == 1 and all_lengths != {0}:
-        return tuple(channels)
-    late = np.array(starts_s) - min(starts_s)
-    if late.any():
-        late *= _known(path, rate_hz, late.max())
-    first, last = (channels[int(place)] for place in (np.argmin(late), np.argmax(late)))
-    apart = f"{last.name!r} begins {np.ptp(starts_s):.6g} s after {first.name!r}"
-    whole = np.rint(late)
-    missed = np.max(np.abs(late - whole))
-    if whole.any():
-        missed = max(missed, rounding_s * rate_hz)
-    if not missed <= _SHARE_OF_SAMPLE:
-        rule = "channels must start together, or whole samples apart"
-        remedy = "Resample them to one start, or export them again"
-        raise RecordingFormatError(path.name, f"{apart}, {late.max():.6g} samples", rule, remedy)
-    begin = (whole.max() - whole).astype(int)
-    n_samples = min(length - start for length, start in zip(lengths, begin, strict=True))
-    if n_samples < 1:
-        raise RecordingFormatError(path.name, apart, "they have no time in common", EXPORT_AGAIN)
-    if whole.any():
-        detail = f"{apart} ({whole.max():.0f} samples): cut to the {n_samples} samples of both"
-        findings.append(note(path, Check.START, detail))
-    elif len(set(lengths)) > 1:
-        detail = f"{max(lengths)} and {n_samples} samples: cut to the shorter"
-        findings.append(remark(path, "", Check.START, detail))
-    return tuple(
-        channel
-        if (start, n_samples) == (0, channel.n_samples)
-        else replace(channel, samples=channel.samples[start : start + n_samples])
-        for channel, start in zip(channels, begin.tolist(), strict=True)
-    )
-
-
-def _known(path: Path, rate_hz: float, late_s: float) -> float:
-    """A sampling rate by which starts can be compared."""
-    if rate_hz > 0:
-        return rate_hz
-    found, rule = f"channels begin up to {late_s:.6g} s apart", "their sampling rate must be known"
-    remedy = "State it in the file, as in 'Sampling rate: 2048 Hz'"
-    raise RecordingFormatError(path.name, found, rule, remedy)
-
-
 def _check_columns(path: Path, columns: Sequence[Column], signals: Sequence[Column]) -> None:
     if not signals:
         found = f"columns {', '.join(column.name for column in columns) or 'none'}"
@@ -443,7 +394,7 @@ def _channel(path: Path, column: Column, is_repeated: bool, findings: list[Findi
         findings.append(Finding(path.name, name, None, Check.UNIT, Verdict.OK, detail))
     if (unit := parse_unit(text)) is None and is_stated(text):
         findings.append(remark(path, name, Check.UNIT, f"unit {text!r} is not known"))
-    if _SPECTRUM.search(name):
+    if _is_spectrum(name):
         findings.append(
             remark(path, name, Check.CONTENT, "a spectrum by its name, read as samples")
         )

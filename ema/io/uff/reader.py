@@ -14,7 +14,7 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel, Recording
 from ema.core.units import TIME
-from ema.io.columns import aligned
+from ema.io.alignment import aligned
 from ema.io.content import (
     FileContent,
     entries,
