@@ -78,7 +78,7 @@ class Channel:
         limit = min(self.limit, SENSELESS)
         # Not by BLAS: its threads wait for each other on a busy machine. NaN is not within either.
         if samples.size and not (samples.min() >= -limit and samples.max() <= limit):
-            samples[np.abs(samples) > limit] = np.nan
+            samples[~(np.abs(samples) <= limit)] = np.nan  # signalling NaNs become quiet
         for first, behind in self.gaps:
             samples[max(first - start, 0) : max(behind - start, 0)] = np.nan
 

@@ -11,6 +11,7 @@ from ema.checks.corrections import screen
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
+from ema.signals.signal_checks import summarise
 
 RATE_HZ = 1000.0
 PROCESSING = Processing(block_seconds=1.0, window="boxcar")
@@ -105,3 +106,16 @@ def test_a_signalling_nan_of_single_precision_is_a_gap_like_any_other(whole):
     np.testing.assert_allclose(
         ema.estimate_frf(built, PROCESSING).missing, [0, 0.05, 0, 0], atol=1e-12
     )
+
+
+def test_a_signalling_nan_of_double_precision_is_quiet_in_blocks(whole):
+    """Every computation with one that is left would warn."""
+    force, _ = whole
+    damaged = force.copy()
+    damaged[700:701].view(np.uint64)[:] = 0xFFF0_0059_0021_0023
+    (channel,) = systems.run_of(force, damaged[None], RATE_HZ).channels[1:]
+    piece = channel.block(600, 800)
+    assert np.flatnonzero(np.isnan(piece)).tolist() == [100]
+    with np.errstate(all="raise"):
+        assert np.isnan(np.diff(piece)).sum() == 2
+        assert summarise(channel).n_missing == 1
