@@ -285,7 +285,7 @@ def _time_axis(
         seconds = factor
         detail = f"{column.name!r} is {stamps[0]:.10g} at its beginning: taken as {count}"
         findings.append(note(path, Check.SAMPLING_RATE, detail))
-    stamps = stamps * seconds
+    stamps = stamps if seconds == 1.0 else stamps * seconds
     rate = rate_of_stamps(stamps, f"column {column.name!r}")
     if rate is None:
         rule = "time is not at equal steps, and spectra need a constant sampling rate"

@@ -255,8 +255,11 @@ def _deviation(stamps: NDArray[np.float64], start: float, step: float) -> float:
     found = 0.0
     for begin in range(0, len(stamps), _PIECE):  # long columns are not doubled in memory
         piece = stamps[begin : begin + _PIECE]
-        ideal = start + step * np.arange(begin, begin + len(piece))
-        found = max(found, float(np.max(np.abs(piece - ideal))))
+        off = np.arange(begin, begin + len(piece), dtype=np.float64)
+        off *= step
+        off += start
+        off -= piece
+        found = max(found, float(off.max()), -float(off.min()))
     return found
 
 
