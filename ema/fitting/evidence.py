@@ -313,17 +313,19 @@ def no_clear_peaks(point: JointPoint) -> list[tuple[Flag, ...]]:
 
     Beside it are all others but those that share its resonance.
     """
-    driven, omega = point.driven, point.problem.forces[0].lines.omega
-    parts = np.stack([point.shapes.real, point.shapes.imag], axis=2)
-    waves = [
-        driven.functions(omega, r)[0].reshape(driven.poles.size, 2, -1)
-        for r in range(len(point.problem.forces))
-    ]
+    driven, lines = point.driven, [each.lines for each in point.problem.forces]
+    parts, omega = np.stack([point.shapes.real, point.shapes.imag], axis=2), lines[0].omega
+    waves = list[Complex]()
+    for r, own_lines in enumerate(lines):
+        real, imag = np.split(
+            driven.functions(own_lines, r)[0].T / np.tile(own_lines.weight, 2), 2, 1
+        )
+        waves.append((real + 1j * imag).reshape(driven.poles.size, 2, -1))
     flags = list[tuple[Flag, ...]]()
     for k, line in enumerate(np.argmin(np.abs(driven.poles.imag[:, None] - omega), axis=1)):
         at = np.stack([each[:, :, line] for each in waves], axis=2)
         own = parts[:, k] @ at[k]
-        beside = np.stack([f.lines.values[:, line] for f in point.problem.forces], axis=1)
+        beside = np.stack([each.values[:, line] for each in lines], axis=1)
         for other in np.flatnonzero(driven.shared[k]):
             beside = beside - parts[:, other] @ at[other]
         size, drive = np.linalg.norm(own), np.linalg.svd(own)[2][0]

@@ -26,7 +26,7 @@ from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
 from ema.fitting.search import NO_SHIFT, CurveFit
-from ema.fitting.variable_projection import Complex, Real, project, stacked
+from ema.fitting.variable_projection import Complex, Real, project
 from ema.poles.stability import StabilityDiagram, select_poles
 
 # Rounds in which poles that are no modes are dropped, or joined.
@@ -335,14 +335,9 @@ class JointModes:
         spread_of_drive = np.abs(shapes) * spread.participation[:, force]
         residues_std = np.hypot(std * np.abs(drive), spread_of_drive)
         poles, stand_ins = driven.at(force), self.curves[force].fit.poles[-N_STAND_INS:]
-        waves = driven.functions(lines.omega, force)[0]
+        waves = driven.functions(lines, force)[0]
         parts = np.stack([shapes.real, shapes.imag], axis=2).reshape(len(shapes), -1)
-        rest = project(
-            lines.omega,
-            stacked(lines.values - parts @ waves, lines.weight),
-            lines.weight,
-            stand_ins,
-        )
+        rest = project(lines.omega, lines.target - waves @ parts.T, lines.weight, stand_ins)
         fit = evaluate(lines, np.append(poles, stand_ins), NO_SHIFT)
         part = replace(
             fit.parts[0],
@@ -368,7 +363,7 @@ class JointModes:
             of = OfForce.of(
                 _of_rows(lines, missing), self.curves[force].fit.poles[-N_STAND_INS:], moves=False
             )
-            waves = of.alone(point.driven.functions(lines.omega, force)[0])
+            waves = of.alone(point.driven.functions(of.lines, force)[0])
             inverse = np.linalg.pinv(waves, rcond=1e-9)
             linear = inverse @ of.target
             left = np.sqrt(np.mean((of.target - waves @ linear) ** 2, axis=0))

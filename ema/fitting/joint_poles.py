@@ -28,9 +28,9 @@ from ema.fitting.variable_projection import (
     Projection,
     Real,
     descend,
+    in_parts,
     orthogonalising,
     project,
-    stacked,
 )
 
 # Frequency and decay of the structure's state, relative to that of the first force (1 σ), as of
@@ -75,9 +75,8 @@ class OfForce:
         """Weighted values without what is linear for this force, (2 n_lines, n_positions)."""
         return self.own.misfit
 
-    def alone(self, rows: Complex) -> Real:
-        """Weighted functions of frequency as columns, without what is linear for this force."""
-        columns = stacked(rows, self.lines.weight)
+    def alone(self, columns: Real) -> Real:
+        """Weighted functions of frequency without what is linear for this force."""
         basis = self.own.orthonormal
         return np.asarray(columns - basis @ (basis.T @ columns))
 
@@ -144,24 +143,18 @@ class Driven:
         near = np.abs(self.poles[:, None] - self.poles) < reach
         return np.asarray(near | np.eye(self.poles.size, dtype=bool))
 
-    def functions(self, omega: Real, force: int) -> tuple[Complex, Complex]:
-        """What real and imaginary parts of shapes add to FRFs, and its slopes.
+    def functions(self, lines: Lines, force: int) -> tuple[Real, Real]:
+        """What real and imaginary parts of shapes add to weighted FRFs, and its slopes.
 
-        (2 n_modes, n_lines), and (4 n_modes, n_lines) to the poles, then to the participations.
+        (2 n_lines, 2 n_modes), and (2 n_lines, 4 n_modes) to the poles, then to the participations.
         """
-        poles, drive = self.at(force)[:, None], self.participation[:, force, None]
-        inertia = -(omega**2)
-        direct, mirrored = 1 / (1j * omega - poles), 1 / (1j * omega - poles.conj())
-        waves = _both(inertia * drive * direct, inertia * drive.conj() * mirrored)
-        to_poles = _both(inertia * drive * direct**2, inertia * drive.conj() * mirrored**2)
-        to_drive = _both(inertia * direct, inertia * mirrored)
-        return waves, np.concatenate([to_poles, to_drive])
-
-
-def _both(direct: Complex, mirrored: Complex) -> Complex:
-    """Functions that multiply real and imaginary part of a complex factor, one after the other."""
-    parts = np.stack([direct + mirrored, 1j * (direct - mirrored)], axis=1)
-    return np.asarray(parts.reshape(-1, direct.shape[1]))
+        drive, poles = self.participation[:, force, None], self.at(force)[:, None]
+        away = 1 / (1j * lines.omega - poles), 1 / (1j * lines.omega - poles.conj())
+        direct, mirrored = -(lines.omega**2) * lines.weight * np.array(away)
+        driven = drive * direct, drive.conj() * mirrored
+        to_poles = in_parts(driven[0] * away[0], driven[1] * away[1])
+        slopes = np.concatenate([to_poles, in_parts(direct, mirrored)])
+        return in_parts(*driven).T, slopes.T
 
 
 class JointLines:
@@ -248,7 +241,7 @@ class JointPoint:
         """Weighted functions of the shapes, of all forces, and slopes, force by force."""
         waves, slopes = list[Real](), list[Real]()
         for r, force in enumerate(self.problem.forces):
-            own, steep = self.driven.functions(force.lines.omega, r)
+            own, steep = self.driven.functions(force.lines, r)
             waves.append(force.alone(own))
             slopes.append(force.alone(steep))
         return np.concatenate(waves), slopes
@@ -315,10 +308,14 @@ class JointPoint:
         n, c = self.driven.poles.size, self._coefficients * scale
         gram = (c.reshape(-1, scale.size) @ c.reshape(-1, scale.size).T).reshape(n, 2, 2, n, 2, 2)
         inner = inner.reshape(-1, n, 2, len(inner) // (2 * n), n, 2)
-        normal = np.einsum("anqbms,npqmts->anpbmt", inner, gram)
-        along = (towards * scale).reshape(-1, n, 2, scale.size)
-        gradient = -np.einsum("anqi,npqi->anp", along, c).ravel()
-        return normal.reshape(gradient.size, -1), gradient
+        normal = sum(  # einsum takes ten times
+            inner[:, :, q, None, :, :, s, None] * gram[:, :, q, None, :, :, s]
+            for q in (0, 1)
+            for s in (0, 1)
+        )
+        along = (towards * scale).reshape(-1, n, 2 * scale.size).swapaxes(0, 1)
+        gradient = -(along @ c.reshape(n, 2, -1).swapaxes(1, 2)).swapaxes(0, 1).ravel()
+        return np.reshape(normal, (gradient.size, -1)), gradient
 
     @property
     def _coefficients(self) -> Real:
@@ -395,10 +392,12 @@ class JointPoint:
         leverage = np.sum(basis**2, axis=1)
         leverage += np.concatenate([force.own.leverage for force in self.problem.forces])
         restored = self.misfit / np.sqrt(np.clip(1 - leverage, _LEAST_FREE, 1.0))[:, None]
-        n, factors = self.driven.poles.size, (self._coefficients * scale**2).reshape(-1, scale.size)
-        along = (restored @ factors.T).reshape(-1, 1, n, 2, 2)
-        own = steep.reshape(len(steep), -1, n, 1, 2)
-        score = own[..., 0] * along[..., 0] + own[..., 1] * along[..., 1]  # einsum takes ten times
+        n, factors = self.driven.poles.size, self._coefficients * scale**2
+        own = np.ascontiguousarray(np.moveaxis(steep.reshape(len(steep), -1, n, 2), -1, 0))
+        score = np.empty((*own.shape[1:], 2))
+        for part in (0, 1):
+            along = [(restored @ factors[:, part, q].T)[:, None] for q in (0, 1)]
+            score[..., part] = own[0] * along[0] + own[1] * along[1]  # einsum takes ten times
         lines = score.reshape(n_forces, 2, height // 2, -1).sum(axis=1)
         return np.asarray(lines @ self.transform)
 

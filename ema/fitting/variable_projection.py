@@ -151,13 +151,22 @@ def _columns(omega: Real, weight: Real, poles: Complex) -> Real:
     n, n_lines, inertia = poles.size, omega.size, -(omega**2) * weight
     away = 1 / (1j * omega - np.array([poles, poles.conj()])[:, :, None])
     rows = np.zeros((4 * n + 2, 2 * n_lines))
-    for first, (direct, mirrored) in ((0, inertia * away), (2 * n + 2, inertia * away**2)):
-        both, turned = direct + mirrored, direct - mirrored  # by residues 1 and j
-        own = rows[first : first + 2 * n]
-        own[0::2, :n_lines], own[0::2, n_lines:] = both.real, both.imag
-        own[1::2, :n_lines], own[1::2, n_lines:] = -turned.imag, turned.real
+    in_parts(*(inertia * away), rows[: 2 * n])
     rows[2 * n, :n_lines], rows[2 * n + 1, :n_lines] = weight, inertia
+    in_parts(*(inertia * away**2), rows[2 * n + 2 :])
     return rows.T
+
+
+def in_parts(direct: Complex, mirrored: Complex, rows: Real | None = None) -> Real:
+    """Functions that multiply real and imaginary part of a complex factor, one after the other.
+
+    Real parts of the lines, then imaginary parts: (2 n_factors, 2 n_lines), perhaps in given rows.
+    """
+    n_lines, both, turned = direct.shape[1], direct + mirrored, direct - mirrored
+    rows = np.empty((2 * len(direct), 2 * n_lines)) if rows is None else rows
+    rows[0::2, :n_lines], rows[0::2, n_lines:] = both.real, both.imag
+    rows[1::2, :n_lines], rows[1::2, n_lines:] = -turned.imag, turned.real
+    return rows
 
 
 def orthogonalising(columns: Real, products: Real, size: Real) -> Real:

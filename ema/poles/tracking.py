@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -101,9 +102,10 @@ def _matches(
     match, total = np.full(poles.size, -1), np.full(poles.size, np.inf)
     if not (old_poles.size and poles.size):
         return match, total
-    distance = _distance(old_poles, old_shapes, poles, shapes)
-    if planes:
-        distance += mac(old_shapes, shapes) - _mac_to_planes(old_poles, old_shapes, shapes)
+    alike = mac(old_shapes, shapes)
+    distance = _apart(old_poles, poles) + 1 - alike
+    for k, found in _mac_to_planes(old_poles, old_shapes, shapes) if planes else ():
+        distance[k] += alike[k] - found
     # What is left after the nearest were matched may be the other pole in the same place.
     for _ in range(2 if planes else 1):
         nearest_old, nearest_new = distance.argmin(axis=0), distance.argmin(axis=1)
@@ -118,28 +120,32 @@ def _matches(
 
 def _mac_to_planes(
     poles: NDArray[np.complex128], shapes: NDArray[np.complex128], others: NDArray[np.complex128]
-) -> NDArray[np.float64]:
-    """MAC of other shapes to what the shapes of coinciding poles span, (n_poles, n_others)."""
+) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Poles that coincide with others, and the MAC of other shapes to the plane of theirs."""
     width = np.minimum.outer(-poles.real, -poles.real)
     together = np.abs(poles[:, None] - poles) < _TOGETHER * width
     np.fill_diagonal(together, True)
-    power = np.sum(np.abs(others) ** 2, axis=1)
-    found = mac(shapes, others)
-    for k in np.flatnonzero(np.sum(together, axis=1) > 1):
-        plane = np.linalg.qr(shapes[together[k]].T)[0]
-        found[k] = np.sum(np.abs(plane.conj().T @ others.T) ** 2, axis=0) / power
-    return found
+    several = np.flatnonzero(np.sum(together, axis=1) > 1)
+    if not several.size:
+        return
+    power, known = np.sum(np.abs(others) ** 2, axis=1), dict[bytes, NDArray[np.float64]]()
+    for k in several:
+        group = together[k].tobytes()
+        if group not in known:
+            plane = np.linalg.qr(shapes[together[k]].T)[0]
+            known[group] = np.sum(np.abs(plane.conj().T @ others.T) ** 2, axis=0) / power
+        yield int(k), known[group]
 
 
-def _distance(
-    first: NDArray[np.complex128],
-    first_shapes: NDArray[np.complex128],
-    second: NDArray[np.complex128],
-    second_shapes: NDArray[np.complex128],
-) -> NDArray[np.float64]:
-    """|Δλ|/max|λ| + 1 − MAC of every pair, (n_first, n_second)."""
+def _distance(poles: NDArray[np.complex128], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """|Δλ|/max|λ| + 1 − MAC of every two poles, (n_poles, n_poles)."""
+    return _apart(poles, poles) + 1 - mac(shapes, shapes)
+
+
+def _apart(first: NDArray[np.complex128], second: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """|Δλ|/max|λ| of every pair, (n_first, n_second)."""
     largest = np.maximum.outer(np.abs(first), np.abs(second))
-    return np.abs(first[:, None] - second) / largest + 1 - mac(first_shapes, second_shapes)
+    return np.asarray(np.abs(first[:, None] - second) / largest)
 
 
 def _changes(
@@ -326,7 +332,7 @@ def _linked(
     """Average-linkage clusters."""
     if poles.size < 2:
         return np.zeros(poles.size, dtype=int)
-    distance = np.maximum(_distance(poles, shapes, poles, shapes), 0)  # whatever the rounding
+    distance = np.maximum(_distance(poles, shapes), 0)  # whatever the rounding
     condensed = squareform((distance + distance.T) / 2, checks=False)
     return np.asarray(fcluster(linkage(condensed, "average"), cut, "distance"))
 
