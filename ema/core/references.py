@@ -86,16 +86,29 @@ class References(ReadonlyArrays):
         InputError
             If they have no place in common.
         """
+        rows = self.shared_rows()
+        if all(
+            np.array_equal(own, np.arange(frf.n_positions))
+            for own, frf in zip(rows, self.frfs, strict=True)
+        ):
+            return self.frfs
+        return tuple(frf.rows(own) for frf, own in zip(self.frfs, rows, strict=True))
+
+    def shared_rows(self) -> list[NDArray[np.int_]]:
+        """Rows of each force at the places that all of them have, in the order of the first one.
+
+        Raises
+        ------
+        InputError
+            If they have no place in common.
+        """
         places = [_places(frf) for frf in self.frfs]
         shared = [place for place in places[0] if all(place in other for other in places[1:])]
         if not shared:
             rule = "several forces are identified together at the places that all of them have"
             remedy = "Identify each force by itself"
             raise InputError("references", "no place in common", rule, remedy)
-        return tuple(
-            frf.rows(np.array([own[place] for place in shared]))
-            for frf, own in zip(self.frfs, places, strict=True)
-        )
+        return [np.array([own[place] for place in shared]) for own in places]
 
     def cmif(self) -> NDArray[np.float64]:
         """Complex mode indicator function: singular values of the matrix of FRFs, largest first.
@@ -116,7 +129,7 @@ class References(ReadonlyArrays):
         >>> bool(largest.max() > second.max())
         True
         """
-        return np.asarray(np.linalg.svd(self._by_line(), compute_uv=False).T)
+        return cmif_of(self._by_line())
 
     def mif(self) -> NDArray[np.float64]:
         """Multivariate mode indicator function: 1 off resonance, towards 0 at one.
@@ -138,13 +151,7 @@ class References(ReadonlyArrays):
         >>> bool((lowest <= second).all())
         True
         """
-        values = self._by_line()
-        real, imag = (part.swapaxes(1, 2) @ part for part in (values.real, values.imag))
-        whole = real + imag
-        size = np.trace(whole, axis1=1, axis2=2)
-        unit = np.eye(len(self)) * np.where(size > 0, 1e-12 * size, 1.0)[:, None, None]
-        root = np.linalg.inv(np.linalg.cholesky(whole + unit))
-        return np.asarray(np.linalg.eigvalsh(root @ real @ root.swapaxes(1, 2)).clip(0, 1).T)
+        return mif_of(self._by_line())
 
     def _by_line(self) -> NDArray[np.complex128]:
         """Matrix of FRFs line by line, (n_frequencies, n_positions, n_forces)."""
@@ -158,6 +165,21 @@ class References(ReadonlyArrays):
     def frequency_hz(self) -> NDArray[np.float64]:
         """Frequency lines."""
         return self.frfs[0].frequency_hz
+
+
+def cmif_of(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """`References.cmif` of FRFs line by line, (n_frequencies, n_positions, n_forces)."""
+    return np.asarray(np.linalg.svd(values, compute_uv=False).T)
+
+
+def mif_of(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """`References.mif` of the same."""
+    real, imag = (part.swapaxes(1, 2) @ part for part in (values.real, values.imag))
+    whole = real + imag
+    size = np.trace(whole, axis1=1, axis2=2)
+    unit = np.eye(whole.shape[1]) * np.where(size > 0, 1e-12 * size, 1.0)[:, None, None]
+    root = np.linalg.inv(np.linalg.cholesky(whole + unit))
+    return np.asarray(np.linalg.eigvalsh(root @ real @ root.swapaxes(1, 2)).clip(0, 1).T)
 
 
 def _places(frf: FRF) -> dict[tuple[float, ...], int]:

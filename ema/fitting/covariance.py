@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ema.core.numerics import kept_with
 from ema.core.recording import BlockPlan
-from ema.fitting.joint_poles import Driven, JointPoint
+from ema.fitting.driven import Driven
+from ema.fitting.joint_poles import JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
 from ema.fitting.variable_projection import Projection, Real, slope_rows
 

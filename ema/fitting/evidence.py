@@ -18,7 +18,8 @@ from ema.circumference.orders import PURE, family, on_circle, order_content
 from ema.core.mac import auto_mac, mpc
 from ema.core.modes import Flag, Mode
 from ema.fitting.covariance import parameter_covariance, residue_std, std_of_waves
-from ema.fitting.joint_poles import Driven, JointPoint
+from ema.fitting.driven import Driven
+from ema.fitting.joint_poles import JointPoint
 from ema.fitting.pole_fit import N_DRIFT, N_STAND_INS, Lines, PoleFit, evaluate
 from ema.fitting.variable_projection import Complex, Real
 
@@ -317,9 +318,7 @@ def no_clear_peaks(point: JointPoint) -> list[tuple[Flag, ...]]:
     parts, omega = np.stack([point.shapes.real, point.shapes.imag], axis=2), lines[0].omega
     waves = list[Complex]()
     for r, own_lines in enumerate(lines):
-        real, imag = np.split(
-            driven.functions(own_lines, r)[0].T / np.tile(own_lines.weight, 2), 2, 1
-        )
+        real, imag = np.split(driven.waves(own_lines, r).T / np.tile(own_lines.weight, 2), 2, 1)
         waves.append((real + 1j * imag).reshape(driven.poles.size, 2, -1))
     flags = list[tuple[Flag, ...]]()
     for k, line in enumerate(np.argmin(np.abs(driven.poles.imag[:, None] - omega), axis=1)):

@@ -19,9 +19,10 @@ from ema.core.references import References, driving_point
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import JointSpread, parameter_covariance, spread_of
 from ema.fitting.curve_fit import final_drift
+from ema.fitting.driven import Driven
 from ema.fitting.evidence import each_once, no_clear_peaks
 from ema.fitting.fit_steps import is_undetermined, modes_of
-from ema.fitting.joint_poles import Driven, JointLines, JointPoint, OfForce
+from ema.fitting.joint_poles import JointLines, JointPoint, OfForce
 from ema.fitting.listing import Row, Settled
 from ema.fitting.mode_pairs import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
@@ -86,12 +87,7 @@ class JointModes:
         low = max(curve.fit.lines.frequency_hz[0] for curve in curves)
         high = min(curve.fit.lines.frequency_hz[-1] for curve in curves)
         self.lines = [_cut(_steady(curve), low, high) for curve in curves]
-        numbered = [
-            replace(curve.frf, channel=tuple(map(str, range(curve.frf.n_positions))))
-            for curve in curves
-        ]
-        shared = References(tuple(numbered)).common_rows()
-        self.rows = [np.array(frf.channel, dtype=int) for frf in shared]
+        self.rows = References(tuple(curve.frf for curve in curves)).shared_rows()
         runs = [set(curve.frf.run_names) for curve in curves]
         scales = np.array([ln.scale[rows] for ln, rows in zip(self.lines, self.rows, strict=True)])
         level = np.exp(np.mean(np.log(scales), axis=1))
@@ -335,7 +331,7 @@ class JointModes:
         spread_of_drive = np.abs(shapes) * spread.participation[:, force]
         residues_std = np.hypot(std * np.abs(drive), spread_of_drive)
         poles, stand_ins = driven.at(force), self.curves[force].fit.poles[-N_STAND_INS:]
-        waves = driven.functions(lines, force)[0]
+        waves = driven.waves(lines, force)
         parts = np.stack([shapes.real, shapes.imag], axis=2).reshape(len(shapes), -1)
         rest = project(lines.omega, lines.target - waves @ parts.T, lines.weight, stand_ins)
         fit = evaluate(lines, np.append(poles, stand_ins), NO_SHIFT)
@@ -363,7 +359,7 @@ class JointModes:
             of = OfForce.of(
                 _of_rows(lines, missing), self.curves[force].fit.poles[-N_STAND_INS:], moves=False
             )
-            waves = of.alone(point.driven.functions(of.lines, force)[0])
+            waves = of.alone(point.driven.waves(of.lines, force))
             inverse = np.linalg.pinv(waves, rcond=1e-9)
             linear = inverse @ of.target
             left = np.sqrt(np.mean((of.target - waves @ linear) ** 2, axis=0))

@@ -19,16 +19,16 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, qr
+from scipy.linalg import block_diag
 from scipy.special import chdtrc
 
+from ema.fitting.driven import Driven
 from ema.fitting.pole_fit import Lines
 from ema.fitting.variable_projection import (
     Complex,
     Projection,
     Real,
     descend,
-    in_parts,
     orthogonalising,
     project,
 )
@@ -41,8 +41,6 @@ _NOTHING_LEFT = 1e-2  # of χ²: a tenth of a standard deviation
 _SIZE = 0.1
 # Lines within this many half-widths make up a resonance.
 _RESONANCE = 2.0
-# Poles within so many half-widths share one.
-_SHARED = 1.0
 # Least share of a line's noise that its residual is taken to show.
 _LEAST_FREE = 0.1
 
@@ -79,82 +77,6 @@ class OfForce:
         """Weighted functions of frequency without what is linear for this force."""
         basis = self.own.orthonormal
         return np.asarray(columns - basis @ (basis.T @ columns))
-
-
-@dataclass(frozen=True, eq=False)
-class Driven:
-    """Poles, and how each force drives them.
-
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_modes,)
-        rad/s, in the state at the first force.
-    participation : ndarray of complex, shape (n_modes, n_forces)
-        The largest of each mode is 1.
-    states : ndarray, shape (n_forces, 2)
-        Relative change of frequencies and of decay rates since the first force.
-    """
-
-    poles: Complex
-    participation: Complex
-    states: Real
-
-    def at(self, force: int) -> Complex:
-        """Poles in the state at a force."""
-        shift, decay = self.states[force]
-        return np.asarray(
-            self.poles.real * (1 + shift + decay) + 1j * self.poles.imag * (1 + shift)
-        )
-
-    def without(self, dropped: NDArray[np.bool_]) -> Driven:
-        """The others."""
-        return Driven(self.poles[~dropped], self.participation[~dropped], self.states)
-
-    @property
-    def planes(self) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
-        """First mode of each pole, and which of these poles each mode has."""
-        return np.unique(self.poles, return_index=True, return_inverse=True)[1:]
-
-    def scaled(self) -> tuple[Driven, NDArray[np.bool_]]:
-        """With participations of which one is 1, and which of them are free.
-
-        Modes of one pole have a plane of shapes: as many forces as modes say no more of it.
-        """
-        participation, free = self.participation.copy(), np.ones(self.participation.shape, bool)
-        first, tied = self.planes
-        for pole in range(first.size):
-            group = np.flatnonzero(tied == pole)
-            given = qr(participation[group], mode="r", pivoting=True)[1][: group.size]
-            free[np.ix_(group, given)] = False
-            largest = np.argmax(np.abs(participation[group]), axis=1)
-            participation[group] /= participation[group, largest][:, None]
-        return Driven(self.poles, participation, self.states), free
-
-    @property
-    def numbers(self) -> Real:
-        """Frequency in Hz and damping ratio, (n_modes, 2)."""
-        size = np.abs(self.poles)
-        return np.column_stack([size / (2 * np.pi), -self.poles.real / size])
-
-    @property
-    def shared(self) -> NDArray[np.bool_]:
-        """Which poles share a resonance, each with itself too, (n_modes, n_modes)."""
-        reach = _SHARED * np.minimum.outer(-self.poles.real, -self.poles.real)
-        near = np.abs(self.poles[:, None] - self.poles) < reach
-        return np.asarray(near | np.eye(self.poles.size, dtype=bool))
-
-    def functions(self, lines: Lines, force: int) -> tuple[Real, Real]:
-        """What real and imaginary parts of shapes add to weighted FRFs, and its slopes.
-
-        (2 n_lines, 2 n_modes), and (2 n_lines, 4 n_modes) to the poles, then to the participations.
-        """
-        drive, poles = self.participation[:, force, None], self.at(force)[:, None]
-        away = 1 / (1j * lines.omega - poles), 1 / (1j * lines.omega - poles.conj())
-        direct, mirrored = -(lines.omega**2) * lines.weight * np.array(away)
-        driven = drive * direct, drive.conj() * mirrored
-        to_poles = in_parts(driven[0] * away[0], driven[1] * away[1])
-        slopes = np.concatenate([to_poles, in_parts(direct, mirrored)])
-        return in_parts(*driven).T, slopes.T
 
 
 class JointLines:
@@ -237,47 +159,78 @@ class JointPoint:
     tied: NDArray[np.int_]  # which of the poles that are searched each mode has
 
     @cached_property
-    def _functions(self) -> tuple[Real, list[Real]]:
+    def _functions(self) -> list[Real]:
+        """Those of `Driven`, force by force."""
+        forces = enumerate(self.problem.forces)
+        return [self.driven.functions(force.lines, r) for r, force in forces]
+
+    @cached_property
+    def _products(self) -> list[tuple[Real, Real]]:
+        """Products of the functions of each force with each other and with the target.
+
+        Everything else that a search asks for follows: waves and slopes are these functions, as
+        the force drives them. The target holds nothing that is linear for the force alone.
+        """
+        products = list[tuple[Real, Real]]()
+        for own, force in zip(self._functions, self.problem.forces, strict=True):
+            alone = force.own.orthonormal.T @ own
+            products.append((own.T @ own - alone.T @ alone, own.T @ force.target))
+        return products
+
+    def _as_driven(self, rows: Real, force: int) -> Real:
+        """Slopes to the poles as the force drives the modes; those to participations are as is."""
+        n = 2 * self.driven.poles.size
+        return np.concatenate([self.driven.driving(rows[:n], force), rows[n:]])
+
+    @cached_property
+    def _columns(self) -> tuple[Real, list[Real]]:
         """Weighted functions of the shapes, of all forces, and slopes, force by force."""
-        waves, slopes = list[Real](), list[Real]()
-        for r, force in enumerate(self.problem.forces):
-            own, steep = self.driven.functions(force.lines, r)
-            waves.append(force.alone(own))
-            slopes.append(force.alone(steep))
+        n, waves, slopes = 2 * self.driven.poles.size, list[Real](), list[Real]()
+        for r, (own, force) in enumerate(zip(self._functions, self.problem.forces, strict=True)):
+            alone = force.alone(own).T
+            waves.append(self.driven.driving(alone[n:], r).T)
+            slopes.append(self._as_driven(alone, r).T)
         return np.concatenate(waves), slopes
 
     @cached_property
-    def _solved(self) -> tuple[Real, Real, Real]:
-        """Orthonormal basis of the functions, the target in it, and what makes shapes of it."""
-        waves = self._functions[0]
-        products = waves.T @ waves
-        inverse = orthogonalising(waves, products, np.sqrt(np.diag(products)))
-        basis = waves @ inverse
-        return basis, basis.T @ self.problem.target, inverse
+    def _solved(self) -> tuple[Real, Real]:
+        """The target in an orthonormal basis of the functions, and what makes shapes of it."""
+        n, driving = 2 * self.driven.poles.size, self.driven.driving
+        products, given = np.zeros((n, n)), np.zeros((n, self.problem.scale.size))
+        for r, (inner, towards) in enumerate(self._products):
+            products += driving(driving(inner[n:, n:], r).T, r)
+            given += driving(towards[n:], r)
+        size = np.sqrt(np.diag(products))
+        inverse = orthogonalising(lambda: self._columns[0], products, size)
+        return inverse.T @ given, inverse
+
+    @cached_property
+    def _basis(self) -> Real:
+        """Orthonormal basis of the functions of the shapes."""
+        return np.asarray(self._columns[0] @ self._solved[1])
 
     @cached_property
     def shapes(self) -> Complex:
         """Shape of each mode, (n_positions, n_modes), for a largest participation of 1."""
-        _, inside, inverse = self._solved
+        inside, inverse = self._solved
         linear = inverse @ inside
         return np.asarray((linear[0::2] + 1j * linear[1::2]).T)
 
     @cached_property
     def unscaled(self) -> Real:
         """Inverse normal matrix of the shapes of one position at unit weight."""
-        inverse = self._solved[2]
+        inverse = self._solved[1]
         return np.asarray(inverse @ inverse.T)
 
     @cached_property
     def misfit(self) -> Real:
         """Weighted residuals, (n_forces · 2 n_lines, n_positions)."""
-        basis, inside, _ = self._solved
-        return np.asarray(self.problem.target - basis @ inside)
+        return np.asarray(self.problem.target - self._basis @ self._solved[0])
 
     @cached_property
     def chi_square(self) -> float:
         """Weighted sum of squared residuals."""
-        inside, scale = self._solved[1], self.problem.scale
+        inside, scale = self._solved[0], self.problem.scale
         return max(self.problem.power - float(np.sum(np.sum(inside**2, axis=0) * scale**2)), 0.0)
 
     @cached_property
@@ -292,18 +245,24 @@ class JointPoint:
     @cached_property
     def _seen(self) -> Real:
         """Slopes in the basis, force by force."""
-        slopes = self._functions[1]
-        parts = np.split(self._solved[0], len(slopes))
-        return np.concatenate([p.T @ own for p, own in zip(parts, slopes, strict=True)], axis=1)
+        n, seen = 2 * self.driven.poles.size, list[Real]()
+        for r, (inner, _) in enumerate(self._products):
+            seen.append(self._as_driven(self.driven.driving(inner[n:], r).T, r).T)
+        return np.asarray(self._solved[1].T @ np.concatenate(seen, axis=1))
 
     @cached_property
     def _sums(self) -> tuple[Real, Real]:
         """JᵀJ and Jᵀr of poles and participations of each force, as they are."""
-        slopes, scale = self._functions[1], self.problem.scale
-        inner = block_diag(*(each.T @ each for each in slopes)) - self._seen.T @ self._seen
-        forces = zip(slopes, self.problem.forces, strict=True)
-        towards = np.concatenate([each.T @ force.target for each, force in forces])
-        towards -= self._seen.T @ self._solved[1]
+        products, scale = self._products, self.problem.scale
+        inner = block_diag(
+            *(
+                self._as_driven(self._as_driven(each, r).T, r)
+                for r, (each, _) in enumerate(products)
+            )
+        )
+        inner -= self._seen.T @ self._seen
+        towards = np.concatenate([self._as_driven(each, r) for r, (_, each) in enumerate(products)])
+        towards -= self._seen.T @ self._solved[0]
         # Of each force, poles, then participations; mode by mode; real and imaginary part.
         n, c = self.driven.poles.size, self._coefficients * scale
         gram = (c.reshape(-1, scale.size) @ c.reshape(-1, scale.size).T).reshape(n, 2, 2, n, 2, 2)
@@ -382,8 +341,7 @@ class JointPoint:
 
     def scores(self) -> Real:
         """Score of each line of each force for the parameters searched, (n_forces, n_lines, …)."""
-        basis, _, _ = self._solved
-        slopes, scale = self._functions[1], self.problem.scale
+        basis, slopes, scale = self._basis, self._columns[1], self.problem.scale
         n_forces, (height, width) = len(slopes), slopes[0].shape
         steep = -basis @ self._seen
         for r, each in enumerate(slopes):

@@ -128,14 +128,15 @@ def project(omega: Real, target: Real, weight: Real, poles: Complex) -> Projecti
     n_linear = 2 * poles.size + 2
     products, given = columns.T @ columns, columns.T @ target
     size = np.sqrt(np.diag(products)[:n_linear])
-    inverse = orthogonalising(columns[:, :n_linear], products[:n_linear, :n_linear], size)
+    linear = columns[:, :n_linear]
+    inverse = orthogonalising(lambda: linear, products[:n_linear, :n_linear], size)
     inside, seen = inverse.T @ given[:n_linear], inverse.T @ products[:n_linear, n_linear:]
-    linear = inverse @ inside
+    found = inverse @ inside
     return Projection(
         poles=poles,
-        residues=np.asarray((linear[0:-2:2] + 1j * linear[1:-2:2]).T),
-        lower=linear[-2],
-        upper=linear[-1],
+        residues=np.asarray((found[0:-2:2] + 1j * found[1:-2:2]).T),
+        lower=found[-2],
+        upper=found[-1],
         target=target,
         columns=columns,
         inverse=inverse,
@@ -151,30 +152,29 @@ def _columns(omega: Real, weight: Real, poles: Complex) -> Real:
     n, n_lines, inertia = poles.size, omega.size, -(omega**2) * weight
     away = 1 / (1j * omega - np.array([poles, poles.conj()])[:, :, None])
     rows = np.zeros((4 * n + 2, 2 * n_lines))
-    in_parts(*(inertia * away), rows[: 2 * n])
+    in_parts(inertia * away, rows[: 2 * n])
     rows[2 * n, :n_lines], rows[2 * n + 1, :n_lines] = weight, inertia
-    in_parts(*(inertia * away**2), rows[2 * n + 2 :])
+    in_parts(inertia * away**2, rows[2 * n + 2 :])
     return rows.T
 
 
-def in_parts(direct: Complex, mirrored: Complex, rows: Real | None = None) -> Real:
-    """Functions that multiply real and imaginary part of a complex factor, one after the other.
+def in_parts(functions: Complex, rows: Real) -> None:
+    """What multiplies real and imaginary part of complex factors, one after the other, into rows.
 
-    Real parts of the lines, then imaginary parts: (2 n_factors, 2 n_lines), perhaps in given rows.
+    Of `functions` of the factors and of their conjugates, (2, n_factors, n_lines); rows have the
+    real parts of the lines, then imaginary parts: (2 n_factors, 2 n_lines).
     """
-    n_lines, both, turned = direct.shape[1], direct + mirrored, direct - mirrored
-    rows = np.empty((2 * len(direct), 2 * n_lines)) if rows is None else rows
+    n_lines, both, turned = functions.shape[2], functions[0] + functions[1], np.subtract(*functions)
     rows[0::2, :n_lines], rows[0::2, n_lines:] = both.real, both.imag
     rows[1::2, :n_lines], rows[1::2, n_lines:] = -turned.imag, turned.real
-    return rows
 
 
-def orthogonalising(columns: Real, products: Real, size: Real) -> Real:
+def orthogonalising(columns: Callable[[], Real], products: Real, size: Real) -> Real:
     """R⁻¹ of columns, given their products; where two poles coincide, the least-norm one."""
     triangle, failed = dpotrf(products / np.outer(size, size))
     diagonal = np.diag(triangle)
     if failed or diagonal.min() < _TOO_ALIKE:  # products have lost the difference
-        triangle = np.linalg.qr(columns / size, mode="r")
+        triangle = np.linalg.qr(columns() / size, mode="r")
         diagonal = np.abs(np.diag(triangle))
     if diagonal.min() > 1e-9 * diagonal.max():
         return np.asarray(dtrtri(triangle)[0] / size[:, None])

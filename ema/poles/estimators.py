@@ -140,14 +140,14 @@ def driven_poles_of_order(
     forces Vold, Kundrat, Rocklin & Russell 1982) with β_0 = I: predicting backwards leaves the
     structure's roots inside the unit circle and drives those of the noise outside (Kumaresan &
     Tufts 1982), so that most of them show as unstable. Participations L are in the left null
-    space, L Σ z^k β_k = 0: left eigenvectors of the companion matrix.
+    space, L Σ z^k β_k = 0; the roots are those of the companion matrix.
 
     `matrix` is that of `normal_matrix`, `step_s` the time step of the impulse responses and
     `lowest_hz` the frequency that was shifted to zero. Returns p · n_forces poles in rad/s,
     unstable ones too, and participations (n_poles, n_forces), the largest of each 1.
     """
     block = slice(n_forces, n_forces * (order + 1))
-    later = np.linalg.solve(matrix[block, block], -matrix[block, :n_forces])
+    later = np.asarray(np.linalg.solve(matrix[block, block], -matrix[block, :n_forces]), complex)
     if n_forces == 1:
         roots = np.roots(np.concatenate([later[::-1, 0], [1.0]]))
         roots = roots[roots != 0]
@@ -155,14 +155,27 @@ def driven_poles_of_order(
     else:
         companion = np.eye(later.shape[0], k=n_forces, dtype=complex)
         companion[:, :n_forces] = -later
-        inverse, vectors = np.linalg.eig(companion.T)
-        kept = inverse != 0
-        roots, participation = 1 / inverse[kept], vectors.T[kept, :n_forces]
-        largest = np.argmax(np.abs(participation), axis=1)
-        participation = participation / participation[np.arange(roots.size), largest][:, None]
+        inverse = np.linalg.eigvals(companion)
+        roots = 1 / inverse[inverse != 0]
+        participation = _left_null(later, roots)
     decay = np.log(np.abs(roots)) / step_s
     offset = np.mod(np.angle(roots), 2 * np.pi) / step_s
     return np.asarray(decay + 1j * (offset + 2 * np.pi * lowest_hz)), np.asarray(participation)
+
+
+def _left_null(
+    later: NDArray[np.complex128], roots: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """L of each root z in L (I + Σ z^k β_k) = 0, the largest of each 1, (n_roots, n_forces)."""
+    order, n_forces = later.shape[0] // later.shape[1], later.shape[1]
+    # As z^(k − order) where powers of z would become large.
+    from_end = np.abs(roots) > 1
+    powers = np.vander(np.where(from_end, 1 / roots, roots), order + 1, increasing=True)
+    powers[from_end] = powers[from_end, ::-1]
+    matrices = powers @ np.concatenate([np.eye(n_forces), later]).reshape(order + 1, -1)
+    found = np.linalg.svd(matrices.reshape(-1, n_forces, n_forces))[0][:, :, -1].conj()
+    largest = np.argmax(np.abs(found), axis=1)
+    return np.asarray(found / found[np.arange(roots.size), largest][:, None])
 
 
 def shapes_of_poles(

@@ -24,7 +24,7 @@ from ema.core.numerics import (
     one_blas_thread,
     readonly,
 )
-from ema.core.references import References, frfs_of
+from ema.core.references import References, cmif_of, frfs_of, mif_of
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.poles.estimators import (
     impulse_responses,
@@ -237,7 +237,7 @@ def build_stability(
     found = pole_history(matrix, piece, step_s, frequency_hz[0], settings.max_damping)
     late = not on_circle(rows[0].position_deg)
     label, clusters = interpret(found, max_order, settings, late=late)
-    several = {} if n_forces == 1 else _of_several(frequency_hz, measured)
+    several = {} if n_forces == 1 else _of_several(measured)
     return StabilityDiagram(
         band_hz=band_hz,
         model_order=found.model_order,
@@ -253,12 +253,10 @@ def build_stability(
     )
 
 
-def _of_several(
-    frequency_hz: NDArray[np.float64], values: Sequence[NDArray[np.complex128]]
-) -> dict[str, NDArray[np.float64]]:
+def _of_several(values: Sequence[NDArray[np.complex128]]) -> dict[str, NDArray[np.float64]]:
     """Indicator functions of several forces."""
-    references = References(tuple(FRF.from_arrays(frequency_hz, own) for own in values))
-    return {"cmif": references.cmif(), "mif": references.mif()}
+    by_line = np.stack([each.T for each in values], axis=2)
+    return {"cmif": cmif_of(by_line), "mif": mif_of(by_line)}
 
 
 def _verdict(cluster: Cluster, band_hz: tuple[float, float]) -> str:

@@ -23,6 +23,8 @@ _LASTING = 0.25
 _ENDED = 0.8
 # Of poles within this share of their half-width, several forces tell the plane of the shapes only.
 _TOGETHER = 0.3
+# Shapes span no more than others where this share of their power is all that they add: rounding.
+_ONE_SHAPE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,13 +130,14 @@ def _mac_to_planes(
     several = np.flatnonzero(np.sum(together, axis=1) > 1)
     if not several.size:
         return
-    power, known = np.sum(np.abs(others) ** 2, axis=1), dict[bytes, NDArray[np.float64]]()
+    unit, rest = (each / np.linalg.norm(each, axis=1)[:, None] for each in (shapes, others))
+    inner, seen = unit.conj() @ unit.T, unit.conj() @ rest.T
     for k in several:
-        group = together[k].tobytes()
-        if group not in known:
-            plane = np.linalg.qr(shapes[together[k]].T)[0]
-            known[group] = np.sum(np.abs(plane.conj().T @ others.T) ** 2, axis=0) / power
-        yield int(k), known[group]
+        group = np.flatnonzero(together[k])
+        powers, axes = np.linalg.eigh(inner[np.ix_(group, group)])
+        spanned = powers > _ONE_SHAPE * powers[-1]
+        along = axes[:, spanned].conj().T @ seen[group] / np.sqrt(powers[spanned])[:, None]
+        yield int(k), np.sum(np.abs(along) ** 2, axis=0)
 
 
 def _distance(poles: NDArray[np.complex128], shapes: NDArray[np.complex128]) -> NDArray[np.float64]:
