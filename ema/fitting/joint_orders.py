@@ -173,7 +173,7 @@ class _JointSearch:
             for each, angle in zip(seen, turned, strict=True)
         ]
         problems = []
-        for reach in (1.0, 0.5) if is_last else (1.0,):
+        for reach in (2.0, 1.0) if is_last else (2.0,):
             parts = [
                 pair_problem(part.frequency_hz, part.values, part.std, start, each.known, reach)
                 for part, each in zip(own, seen, strict=True)
