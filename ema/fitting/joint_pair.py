@@ -110,6 +110,7 @@ class JointProblem:
             self.of_force(every, k) - self.of_force(none, k) for k in range(len(problems))
         ]
         self._solved: tuple[tuple[float, ...], _Linear] | None = None
+        self._steep: tuple[bytes, _Linear, Real] | None = None
         self.amplitude = 1e-12  # no mixing at first, to see the size of the wave
         self.amplitude = abs(self._linear(self.expected).found[0])
 
@@ -152,7 +153,8 @@ class JointProblem:
 
     def rough(self, near: Real | None) -> JointFit:
         """The best pair, from parameters near it or from nothing."""
-        return self._fit(self.minimum(self.start() if near is None else near)[0], 0.0)
+        x, _ = self.minimum(self.start() if near is None else near)
+        return self._fit(x, 0.0, is_linear=True)
 
     def solve(self, narrow: JointProblem | None, near: Real | None = None) -> JointFit:
         """The best pair, with what the data say against one pole.
@@ -222,8 +224,14 @@ class JointProblem:
         return np.concatenate([self._linear(x).left.view(float), self._strayed(x)])
 
     def jacobian(self, x: Real) -> Real:
-        """Slopes of the residuals to the parameters, of Kaufman (1975)."""
-        linear, found = self._linear(x), self._linear(x).found
+        """Slopes of the residuals to the parameters, of Kaufman (1975); the last ones are kept."""
+        key, linear = x.tobytes(), self._linear(x)
+        if self._steep is None or self._steep[:2] != (key, linear):
+            self._steep = key, linear, self._slopes(x, linear)
+        return self._steep[2]
+
+    def _slopes(self, x: Real, linear: _Linear) -> Real:
+        found = linear.found
         mixed = found[0] * np.eye(2) + found[1 : 1 + _MIXING].reshape(2, 2)
         rows = np.zeros((x.size, linear.left.size), dtype=complex)
         at = 0
@@ -282,12 +290,12 @@ class JointProblem:
         free = sum(p.n_independent for p in self.problems) - 20 * len(self.problems)
         return float(cost + outside) / max(free, 1)
 
-    def _fit(self, x: Real, gain: float) -> JointFit:
+    def _fit(self, x: Real, gain: float, *, is_linear: bool = False) -> JointFit:
         covariance = self.covariance(x)
         found = self._linear(x).found
         mixed = found[0] + found[1 + _MIXING :]
         pairs = tuple(
-            replace(self._of_force(x, covariance, k, complex(mixed[k])), gain=gain)
+            replace(self._of_force(x, covariance, k, complex(mixed[k]), is_linear), gain=gain)
             for k in range(len(self.problems))
         )
         of_forces, std = (
@@ -303,20 +311,22 @@ class JointProblem:
         inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-12, hermitian=True)
         return np.asarray(inner / np.outer(size, size))
 
-    def _of_force(self, x: Real, covariance: Real, force: int, amplitude: complex) -> PairFit:
+    def _of_force(
+        self, x: Real, covariance: Real, force: int, amplitude: complex, is_linear: bool
+    ) -> PairFit:
         """The pair as one force's FRFs show it.
 
         Members whose split is no larger than its ± are far from linear in the parameters: what a
-        step of one σ to either side changes, and how unequally, is their covariance.
+        step of one σ to either side changes, and how unequally, is their covariance. It is that of
+        steps to one side where only its size matters.
         """
         problem, own = self.problems[force], self.to_force[force]
         here = self.of_force(x, force)
         variance, axes = np.linalg.eigh(own.T @ covariance @ own)
         steps = (axes * np.sqrt(np.maximum(variance, 0.0))).T
-        ahead, behind = (
-            np.array([problem.numbers(here + sign * step) for step in steps]) for sign in (1, -1)
-        )
-        slope, bend = (ahead - behind) / 2, (ahead + behind) / 2 - problem.numbers(here)
+        middle, ahead = problem.numbers(here), problem.numbers(here + steps)
+        behind = 2 * middle - ahead if is_linear else problem.numbers(here - steps)
+        slope, bend = (ahead - behind) / 2, (ahead + behind) / 2 - middle
         spread = slope.T @ slope + bend.T @ bend
         pair = problem.pair_of(here, spread, amplitude, problem.scale)
         apart = np.hypot(*x[[2, 3]])

@@ -24,6 +24,7 @@ from scipy.optimize import OptimizeResult, least_squares, leastsq
 
 from ema.core.numerics import end_if_stopped
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.line_basis import above_ground, alone, near_pole
 from ema.fitting.variable_projection import Complex, Real
 
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along
@@ -36,7 +37,6 @@ _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
 _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0.3, 0.3, 0.8)))
 _MOST_LOOKS, _FIRST_LOOK, _LAST_LOOK = 3, 15, 40  # starts, evaluations from each
 _ENOUGH, _FLAT = 1e-6, 1e-8  # relative gain not worth another step, and slope
-_DIMENSIONS = 20  # hold every pole near the resonance to 1e-6
 _N_LINEAR = 5  # amplitude and E, complex; the background of the two rows is not in the basis
 
 
@@ -168,14 +168,14 @@ class PairProblem:
         self.n_independent = 4 * frequency_hz.size / known.correlation
         alike = settings.pair_split, settings.pair_damping_likeness
         self.priors = np.array([*np.repeat(alike, 2), known.force_std_rad])
-        self.ground = np.linalg.qr(np.vander(self.omega / self.size, 3)[:, ::2])[0]  # ω² and 1
+        self.ground, span = near_pole(frequency_hz.tobytes(), start)
         # What the rows may hold of other poles counts less.
         self.held, self.held_share = np.zeros((0, self.omega.size), dtype=complex), np.zeros(0)
         allowed = np.array(known.beside_size)[:, None] / np.sqrt(np.mean(self.std**2))
-        beside = self._alone(np.array(known.beside, dtype=complex)) * allowed
+        beside = alone(self.omega, np.array(known.beside, dtype=complex)) * allowed
         _, size, self.held = np.linalg.svd(self._above_ground(beside), full_matrices=False)
         self.held_share = 1 - 1 / np.hypot(1, size)
-        self.basis = self._span()
+        self.basis = np.linalg.qr(self._less_held(span).T)[0]
         to_basis = self.basis.conj()
         self.to_basis = to_basis - (self.held.conj().T * self.held_share) @ (self.held @ to_basis)
         self.inside = values @ self.to_basis
@@ -186,23 +186,10 @@ class PairProblem:
         self.scale, self.amplitude = 1.0, 1e-12  # no mixing at first, to see the wave's size
         self._solved: tuple[tuple[float, ...], _Linear] | None = None
 
-    def _span(self) -> Complex:
-        """Orthonormal functions of the lines that hold every pole near, beside the background."""
-        frequencies = self.size * (1 + self.ratio * np.linspace(-2.5, 2.5, 9))
-        widths = np.array([0.4, 0.7, 1.0, 1.5, 2.2])
-        poles = np.array([f * (-self.ratio * w + 1j) for f in frequencies for w in widths])
-        functions = self._above_ground(self._alone(poles))
-        functions /= np.linalg.norm(functions, axis=1, keepdims=True)
-        above = min(_DIMENSIONS, self.omega.size - 2)  # the rest is background
-        return np.asarray(np.linalg.svd(functions, full_matrices=False)[2][:above].T)
-
-    def _alone(self, poles: Complex) -> Complex:
-        """FRFs of single poles, (n_poles, n_lines)."""
-        away = 1j * self.omega - poles[:, None], 1j * self.omega - poles.conj()[:, None]
-        return np.asarray(self.omega**2 / (away[0] * away[1]))
-
     def _above_ground(self, values: Complex) -> Complex:
-        above = values - (values @ self.ground.conj()) @ self.ground.T
+        return self._less_held(above_ground(self.ground, values))
+
+    def _less_held(self, above: Complex) -> Complex:
         return np.asarray(above - ((above @ self.held.conj().T) * self.held_share) @ self.held)
 
     def _states(self, x: Real) -> tuple[Complex, Complex, Complex]:
@@ -389,11 +376,8 @@ class PairProblem:
         """Covariance of the numbers at a minimum, (6, 6)."""
         slopes = self.jacobian(found.x, self.steps)
         inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-14, hermitian=True)
-        ends = [
-            self.numbers(found.x + h) - self.numbers(found.x - h)
-            for h in 1e-7 * np.eye(_N_PARAMETERS)
-        ]
-        slope = np.array(ends).T / 2e-7
+        step = 1e-7 * np.eye(_N_PARAMETERS)
+        slope = (self.numbers(found.x + step) - self.numbers(found.x - step)).T / 2e-7
         return np.asarray(slope @ inner @ slope.T)
 
     def _fit(self, x: Real, covariance: Real, gain: float, misfit: float) -> PairFit:
@@ -439,9 +423,13 @@ class PairProblem:
         return poles, np.array(residues)
 
     def numbers(self, x: Real) -> Real:
-        """(frequency_hz, damping_ratio) of a, of b and of the mean."""
-        pole, along, _, half = self._split(x)
-        return numbers_of(np.array([pole - half, pole + half, pole + along]))
+        """(frequency_hz, damping_ratio) of a, of b and of the mean, perhaps of many sets."""
+        pole, along, across = self._states(x.reshape(-1, _N_PARAMETERS))
+        half = np.sqrt(along**2 + across**2)
+        half = np.where(half.imag >= 0, half, -half)
+        poles = np.stack([pole - half, pole + half, pole + along], axis=1)
+        found = np.stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)], axis=2)
+        return found.reshape(*x.shape[:-1], -1)
 
 
 def numbers_of(poles: Complex) -> Real:
