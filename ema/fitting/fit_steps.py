@@ -185,6 +185,9 @@ def in_other_orders(
         kept = np.setdiff1d(np.arange(poles.size), explained)
         both = evaluate(fit.lines, np.concatenate([lower, poles[kept]]), fit.drift).residues
         shapes[:, kept] = both[:, first:]
+        for k, each in owner.items():
+            if each.jointly:  # its pair is not in the lines
+                shapes[:, k] += each.waves(position_deg).sum(axis=1)
         shapes[:, list(resolved)] += both[:, :first]
     for k, shape in enumerate(shapes.T):
         size = np.sum(np.abs(shape) ** 2)

@@ -211,19 +211,15 @@ class PairProblem:
         Those of Kaufman (1975): gradient and normal matrix are exact with them.
         """
         linear = self._linear(x)
-        ahead, behind = np.split(self._waves(np.concatenate([x + steps, x - steps])), 2)
+        ahead, behind = np.split(self.inside_waves(np.concatenate([x + steps, x - steps])), 2)
         size = np.linalg.norm(steps, axis=1)
-        slopes = (ahead - behind) @ self.to_basis / (2 * size[:, None, None])
+        slopes = (ahead - behind) / (2 * size[:, None, None])
         slopes = linear.amplitude * slopes + linear.mixing @ slopes
         rows = np.zeros((size.size, len(linear.left)), dtype=complex)
         rows[:, : -_N_LINEAR + 1] = (slopes * self.weight[:, None]).reshape(size.size, -1)
         rows -= (rows @ linear.orthonormal.conj()) @ linear.orthonormal.T
         priors = steps[:, _ALONG:] / size[:, None] / self.priors
         return np.concatenate([-rows.view(float), priors], axis=1).T
-
-    def inside_waves(self, x: Real) -> Complex:
-        """FRFs of cosine and sine for unit amplitude in the basis, for many sets of parameters."""
-        return np.asarray(self._waves(x) @ self.to_basis)
 
     def parameters_of(self, coupled: Complex) -> Real:
         """Parameters of a matrix Λ, but for the direction of the force."""
@@ -243,7 +239,7 @@ class PairProblem:
         """Best amplitude and mixing at some parameters; the last is kept."""
         key = (*x, self.scale, self.amplitude)
         if self._solved is None or self._solved[0] != key:
-            self._solved = key, self._eliminated(self._waves(x[None])[0] @ self.to_basis)
+            self._solved = key, self._eliminated(self.inside_waves(x[None])[0])
         return self._solved[1]
 
     def _eliminated(self, waves: Complex) -> _Linear:
@@ -264,25 +260,36 @@ class PairProblem:
         left = right - orthonormal @ seen
         return _Linear(left, orthonormal, complex(found[0]), found[1:].reshape(2, 2))
 
-    def _waves(self, x: Real) -> Complex:
-        """FRFs of cosine and sine for unit amplitude, (n_sets, 2, n_lines)."""
-        pole, along, across = (each[:, None, None] for each in self._states(x))
+    def inside_waves(self, x: Real) -> Complex:
+        """FRFs of cosine and sine for unit amplitude in the basis, for many sets of parameters.
+
+        (n_sets, 2, n_dimensions).
+        """
+        pole, along, across = self._states(x)
         first, second = np.cos(x[:, _FORCE]), np.sin(x[:, _FORCE])
         force, by_along, by_across = (
             np.stack(each, axis=1)[:, :, None]
             for each in ((first, second), (first, -second), (second, first))
         )
-        # jω − s and its mirror image; beside their product, the inverse of Λ's has a constant and
-        # a part that is linear in jω.
-        away, mirrored = 1j * self.omega - pole, 1j * self.omega - pole.conj()
+        # Beside (jω − s)(jω − s*), the inverse of Λ's has a constant and a part linear in jω.
+        size, omega = np.abs(pole)[:, None], self.omega
+        both = (size - omega) * (size + omega) - 2j * pole.real[:, None] * omega
         coupling = along**2 + across**2
-        below = (away**2 - coupling) * (mirrored**2 - coupling.conj())
+        inert = 2 * coupling.real
+        still = np.abs(coupling) ** 2 - 2 * (coupling * pole.conj() ** 2).real
+        lossy = 4 * (coupling * pole.conj()).real
+        below = both**2 + (
+            inert[:, None] * omega**2 + still[:, None] + 1j * (lossy[:, None] * omega)
+        )
+        inverse = -(omega**2) / below
+        parts = np.concatenate([inverse * both, inverse, 1j * omega * inverse]) @ self.to_basis
+        of_both, of_one, of_speed = parts.reshape(3, len(x), 1, -1)
+        pole, along, across = (each[:, None, None] for each in (pole, along, across))
         constant = (np.abs(along) ** 2 + np.abs(across) ** 2) * force
         constant = constant - 2 * (pole * along.conj()).real * by_along
         constant = constant - 2 * (pole * across.conj()).real * by_across
-        linear = 2j * (along.real * by_along + across.real * by_across)
-        above = away * mirrored * force + (linear * self.omega + constant)
-        return np.asarray(above * (-(self.omega**2) / below))
+        linear = 2 * (along.real * by_along + across.real * by_across)
+        return np.asarray(force * of_both + constant * of_one + linear * of_speed)
 
     def solve(self) -> PairFit:
         """Best pair, with what the data say against one pole."""
@@ -328,8 +335,7 @@ class PairProblem:
         """Best of the search from a small split and that from the likeliest larger one."""
         starts = np.tile(one, (len(_LARGE), 1))
         starts[:, [_DAMPING, _ALONG, _ACROSS]] += np.array(_LARGE) * [1, self.ratio, self.ratio]
-        waves = self._waves(starts) @ self.to_basis
-        left = [np.linalg.norm(self._eliminated(each).left) for each in waves]
+        left = [np.linalg.norm(self._eliminated(each).left) for each in self.inside_waves(starts)]
         likeliest = starts[np.argsort(left)[:_MOST_LOOKS]]
         looks = [self.minimum(each, most=_FIRST_LOOK) for each in likeliest]
         far = min(looks, key=lambda each: float(each.cost))
