@@ -15,6 +15,7 @@ from pipelines.simulate.truth import TruthMode, modal_sum
 
 LINES_HZ = np.arange(1, 1201) / 4
 FORCES_DEG = (0.0, 13.0)
+BESIDE_THE_BAND = (("a", 166.0, 9.0), ("b", 170.0, 27.0))  # of order 5
 RING = ((1, 79.0, 0.03), (2, 100.0, 0.028), (3, 121.0, 0.024), (4, 145.0, 0.022))
 
 
@@ -68,6 +69,16 @@ def test_both_members_of_each_order_come_back(split_percent, std):
         turned = next(p for p in pairs if p.order == report.order).orientation_deg
         away = (report.antinode_deg - turned + step / 2) % step - step / 2
         assert abs(away) < 4 * report.antinode_std_deg < 0.2 * step
+
+
+def test_an_order_that_one_force_resolves_leaves_the_std_of_the_others_alone():
+    beyond = [TruthMode(5, m, hz, 0.02, 4.0, turn) for m, hz, turn in BESIDE_THE_BAND]
+    _, modes = truth(0.3)
+    modes = [*(each for each in modes if each.order != 5), *beyond]
+    found = rm.identify_modes([frf_at(angle, modes) for angle in FORCES_DEG], band_hz=(60, 160))
+    ring = found.references[0].basis.fit.curve.ring
+    assert [(each.is_resolved, each.jointly) for each in ring if each.order == 5] == [(True, False)]
+    assert max(mode.frequency_std_hz / mode.frequency_hz for mode in found.model.modes) < 5e-4
 
 
 def test_equal_poles_give_both_shapes():
