@@ -158,11 +158,11 @@ def _line_scores(part: Projection, scale: Real, here: NDArray[np.bool_]) -> Real
     return np.asarray(score[:n_lines] + score[n_lines:])
 
 
-def inverse_of(normal: Real) -> Real:
+def inverse_of(normal: Real, told: float = 1e-12) -> Real:
     """Inverse of a normal matrix; directions the data say nothing about are left out."""
-    size = np.sqrt(np.diag(normal))
+    size = np.sqrt(np.maximum(np.diag(normal), 0.0))  # whatever the rounding
     size[size == 0] = 1.0
-    scaled = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)
+    scaled = np.linalg.pinv(normal / np.outer(size, size), rcond=told, hermitian=True)
     return np.asarray(scaled / np.outer(size, size))
 
 

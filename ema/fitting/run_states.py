@@ -23,7 +23,7 @@ from scipy.special import chdtrc, fdtrc
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
 from ema.core.modes import synthesise
-from ema.fitting.covariance import parameter_covariance
+from ema.fitting.covariance import inverse_of, parameter_covariance
 from ema.fitting.mode_pairs import PairSearch
 from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import N_DRIFT, Lines, PoleFit, evaluate
@@ -33,6 +33,10 @@ from ema.fitting.variable_projection import Complex, Real
 _STEP = 1e-5
 # No fit leaves less than this share of the power: rounding.
 _EXACT = 1e-12
+# Shifts that one run tells less of than this share are left alone: rounding.
+_TOLD = 1e-10
+# No shift is known better than to these half-widths, nor free of rounding by this share.
+_LEAST_SHIFT, _ROUNDED = 1e-7, 1e-9
 # A single order tells no τ_o: then it strays by this many half-widths (benchmarks/laboratory.py).
 _STRAYS = 0.01
 # Rounds in which τ_o settles, and how much the runs differ in each number of their states.
@@ -239,7 +243,8 @@ def _shifts_of(search: PairSearch, orders: Sequence[RingOrder]) -> _Shifts:
         scale = lines.scale[rows, None]
         step, inner = _step(functions, scale * values[rows], scale * shapes[rows])
         away.append(step / size + law @ state)
-        noise.append(inner * search.correlation / np.outer(size, size))
+        own = inner * search.correlation / np.outer(size, size)
+        noise.append(own + np.diag(_ROUNDED * np.diag(own) + _LEAST_SHIFT**2))
     numbers = _TOLD_BY.get(n, [*range(N_DRIFT)])
     return _Shifts(np.array(away), np.array(noise), law[:, numbers], numbers)
 
@@ -280,9 +285,7 @@ def _step(functions: Complex, values: Complex, shapes: Complex) -> tuple[Real, R
     along = inner[:, slope, free] @ solved[:, :, -1:]
     towards = np.sum(right[:, slope] - along[:, :, 0], axis=0).real
     left = np.sum(np.abs(values) ** 2) - np.sum(right[:, free].conj() * solved[:, :, -1]).real
-    size = np.sqrt(np.diag(normal))
-    inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
-    inverse /= np.outer(size, size)
+    inverse = inverse_of(normal, _TOLD)
     step = inverse @ towards
     left = max(left - float(step @ towards), _EXACT * float(np.sum(np.abs(values) ** 2)))
     return step, np.asarray(inverse * (left / (2 * n_rows * (values.shape[1] - n_free))))
