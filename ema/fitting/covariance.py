@@ -162,7 +162,9 @@ def inverse_of(normal: Real, told: float = 1e-12) -> Real:
     """Inverse of a normal matrix; directions the data say nothing about are left out."""
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))  # whatever the rounding
     size[size == 0] = 1.0
-    scaled = np.linalg.pinv(normal / np.outer(size, size), rcond=told, hermitian=True)
+    curvature, axes = np.linalg.eigh(normal / np.outer(size, size))
+    seen = curvature > told * curvature[-1]
+    scaled = (axes[:, seen] / curvature[seen]) @ axes[:, seen].T
     return np.asarray(scaled / np.outer(size, size))
 
 

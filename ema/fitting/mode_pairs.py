@@ -240,8 +240,12 @@ class PairSearch:
     def _again(self, before: RingOrder, is_near: bool) -> RingOrder:
         """The same order beside pairs that are known, perhaps near where its pair was."""
         near = before.pair.parameters if is_near and before.pair else None
-        seen = self.seen_of(before.order, list(before.members), near)
-        return replace(self.fitted(before.order, list(before.members), seen), seen=before.seen)
+        # After other states of the runs another member may come first, or none be an order's own.
+        members = sorted(before.members, key=lambda k: k not in self.directions)
+        if members[0] not in self.directions:
+            return before
+        found = self.fitted(before.order, members, self.seen_of(before.order, members, near))
+        return replace(found, seen=before.seen, is_main=before.is_main)
 
     def orders_near(self, before: Sequence[RingOrder]) -> tuple[RingOrder, ...]:
         """The orders as found before in much the same fit: pairs move, verdicts stay."""
