@@ -64,10 +64,23 @@ def test_each_order_by_itself_says_the_same(split):
         assert report.damping_std > 0
 
 
-def test_a_pair_counts_once_whichever_member_comes_first():
+@pytest.fixture(scope="module")
+def curve():
     """Of two poles as strong as each other, noise says which one stands for the order."""
     frf = systems.campaign_frf(truth_modes(split_percent=3.0), 50)
-    curve = identify_modes(frf, band_hz=(20.0, 260.0)).basis.fit.curve
+    return identify_modes(frf, band_hz=(20.0, 260.0)).basis.fit.curve
+
+
+def test_orders_are_found_together_whichever_member_comes_first(curve):
+    search, ring = curve.pair_search(), curve.ring
+    turned = [replace(each, members=each.members[::-1]) for each in ring]
+    one, other = search.orders_together(ring), search.orders_together(turned)
+    for before, after in zip(one, other, strict=True):
+        std = np.sqrt(np.diag(before.pair.covariance))
+        np.testing.assert_array_less(np.abs(after.pair.numbers - before.pair.numbers), 0.05 * std)
+
+
+def test_a_pair_counts_once_whichever_member_comes_first(curve):
     search, ring = curve.pair_search(), curve.ring
     beside = [each for each in ring if abs(each.pair.mean) > 2 * np.pi * 260]
     assert [len(each.members) for each in beside[:1]] == [2]
