@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import islice
@@ -40,6 +40,7 @@ _MOST_PREAMBLE = 200  # lines
 _SAMPLE_ROWS = 20
 _SAMPLE_CELLS = 40_000  # of tables with thousands of columns
 _TIME_WITHIN = 50  # columns
+_MOST_BELOW_NAMES = 6  # lines about channels between their names and the numbers
 _SEPARATORS = ("\t", ";", ",", "|")
 # By the separator of a dialect: others, unless they may be in a number.
 _OTHER_SEPARATORS = {
@@ -263,6 +264,9 @@ def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
             return _Table(dialect, run, rows[units - 1].line, rows[units].line)
         if rows[above].is_heading:
             break
+    named = _names_with_units(rows, above, fits, dialect, width)
+    if named is not None:
+        return _Table(dialect, run, named, None)
     # Units are not names: those are in a line further up that has lost a cell.
     has_names = not (
         above and rows[above - 1].width > 1 and _share_of_units(rows[above], dialect, width) > 0.5
@@ -271,6 +275,25 @@ def _table_at(rows: Sequence[_Row], first: int, dialect: Dialect) -> _Table:
         return _Table(dialect, run, None, None)
     on_top = fits(above - 1) and _share_of_units(rows[above - 1], dialect, width) == 1.0
     return _Table(dialect, run, rows[above].line, rows[above - 1].line if on_top else None)
+
+
+def _names_with_units(
+    rows: Sequence[_Row], above: int, fits: Callable[[int], bool], dialect: Dialect, width: int
+) -> Line | None:
+    """A line of names with their units, above others of as many cells: hardware, sensors, steps."""
+
+    def holds_units(index: int) -> bool:
+        cells = heading_cells(rows[index].line.text, dialect.separator, width)
+        return sum(bool(label(cell)[1]) for cell in cells) > width / 2
+
+    if rows[above].is_heading or holds_units(above):
+        return None
+    for index in range(above - 1, max(above - _MOST_BELOW_NAMES, 0) - 1, -1):
+        if not fits(index):
+            break
+        if holds_units(index):
+            return rows[index].line
+    return None
 
 
 def _share_of_units(row: _Row, dialect: Dialect, width: int) -> float:

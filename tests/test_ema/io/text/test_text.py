@@ -325,6 +325,28 @@ def test_units_above_the_names(tmp_path, above):
 
 
 @pytest.mark.parametrize(
+    "below",
+    [
+        "MX840 CH1,MX840 CH2,MX840 CH3",
+        "Zeit,Kraft,A01\ndt=1.95 ms,dt=1.95 ms,dt=1.95 ms\n,S1-1,S1-2",
+    ],
+)
+def test_names_with_units_stand_above_lines_about_hardware(tmp_path, below):
+    rows = "".join(f"{k / 512},{k},{-k}\n" for k in range(40))
+    head = "Zeit 1 - Standardrate [s],Kraft [N],A01 [g]"
+    found = content(tmp_path, f"HBM CATMAN\n\n{head}\n{below}\n{rows}").recording
+    assert [(each.name, each.unit) for each in found.channels] == [("Kraft", "N"), ("A01", "g")]
+    assert found.sampling_rate_hz == 512.0
+
+
+def test_names_with_units_count_only_where_the_lines_below_have_none(tmp_path):
+    rows = "".join(f"{k / 512},{k},{-k}\n" for k in range(40))
+    head = "Time [s],other [V],other [V]\nTime [s],force [N],A01 [g]"
+    found = content(tmp_path, f"{head}\n{rows}").recording
+    assert [(each.name, each.unit) for each in found.channels] == [("force", "N"), ("A01", "g")]
+
+
+@pytest.mark.parametrize(
     ("row", "message"),
     [
         ("X0,0,0.002", "1.02.* samples; channels must start together"),
