@@ -24,8 +24,7 @@ from scipy.optimize import OptimizeResult, least_squares, leastsq
 
 from ema.core.numerics import end_if_stopped
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.line_basis import above_ground, alone, near_pole
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.variable_projection import Complex, Real, above_ground, alone, near_pole
 
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along
 # the force and across; the same of the damping; direction of the force.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.optimize import least_squares
 
-from ema.core.numerics import end_if_stopped
+from ema.core.numerics import end_if_stopped, readonly
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -28,6 +28,8 @@ Complex = NDArray[np.complex128]
 _TOO_ALIKE = 1e-4
 _SMALLEST_STEP = 1e-9  # of the parameters' own size
 _NOT_SEEN = 1e-14  # curvature, of the largest, in a direction that nothing depends on
+_DIMENSIONS = 20  # hold every pole near the resonance to 3e-4
+_KEPT = 64  # of the last lines and poles
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,3 +273,33 @@ def _shortest(point: SumOfSquares) -> tuple[Real, Real]:
     rest = np.sqrt(max(point.cost - float(inside @ inside), 0.0))
     jacobian = np.vstack([root[:, None] * directions.T * size, np.zeros(size.size)])
     return np.append(inside, rest), jacobian
+
+
+@lru_cache(maxsize=_KEPT)
+def near_pole(lines_hz: bytes, start: complex) -> tuple[Real, Complex]:
+    """Background of lines around a pole, ω² and 1, and what holds every pole near beside that.
+
+    Orthonormal columns and rows. The same lines are fitted again and again: with what is known of
+    the other orders, and against each force.
+    """
+    omega, size, ratio = 2 * np.pi * np.frombuffer(lines_hz), abs(start), -start.real / abs(start)
+    ground = np.linalg.qr(np.vander(omega / size, 3)[:, ::2])[0]
+    frequencies = size * (1 + ratio * np.linspace(-2.5, 2.5, 9))
+    widths = np.array([0.4, 0.7, 1.0, 1.5, 2.2])
+    poles = np.array([f * (-ratio * w + 1j) for f in frequencies for w in widths])
+    functions = above_ground(ground, alone(omega, poles))
+    functions /= np.linalg.norm(functions, axis=1, keepdims=True)
+    above = min(_DIMENSIONS, omega.size - 2)  # the rest is background
+    span = np.linalg.svd(functions, full_matrices=False)[2][:above]
+    return readonly(ground), readonly(span, complex)
+
+
+def above_ground(ground: Real, values: Complex) -> Complex:
+    """Rows of values without the background."""
+    return np.asarray(values - (values @ ground) @ ground.T)
+
+
+def alone(omega: Real, poles: Complex) -> Complex:
+    """FRFs of single poles, (n_poles, n_lines)."""
+    away = 1j * omega - poles[:, None], 1j * omega - poles.conj()[:, None]
+    return np.asarray(omega**2 / (away[0] * away[1]))

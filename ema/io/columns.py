@@ -29,7 +29,6 @@ from ema.core.units import (
     parse_unit,
     unit_in_name,
 )
-from ema.io.alignment import aligned
 from ema.io.content import (
     EXPORT_AGAIN,
     FileContent,
@@ -46,6 +45,7 @@ from ema.io.rates import (
     UNSTATED,
     Rate,
     agreed,
+    aligned,
     count_of_dates,
     even_step,
     likeliest,

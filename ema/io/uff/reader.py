@@ -14,7 +14,6 @@ from ema.core.errors import RecordingFormatError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.recording import Channel, Recording
 from ema.core.units import TIME
-from ema.io.alignment import aligned
 from ema.io.content import (
     FileContent,
     entries,
@@ -24,7 +23,7 @@ from ema.io.content import (
     stated_windows,
     statements_of_1858,
 )
-from ema.io.rates import Rate, rate_findings, rate_of_stamps, rate_of_step
+from ema.io.rates import Rate, aligned, rate_findings, rate_of_stamps, rate_of_step
 from ema.io.uff.dataset58_header import (
     COHERENCE,
     FORCE_DEG,
