@@ -22,8 +22,7 @@ _NOTHING_LEFT = 1e-4  # of χ²
 _LARGEST_DRIFT = (0.03, 0.05, 0.05, 0.3)
 _SMALL_DRIFT = (1e-3, 1e-3, 1e-3, 1e-2)
 N_DRIFT = 4
-# Members of a pair differ in their decay rate by about this share.
-_ALIKE = 0.1
+_ALIKE = 0.1  # share by which the members of a pair differ in their decay rate, about
 #: The last poles of a fit stand for modes above the lines.
 N_STAND_INS = 2
 _STAND_IN_DAMPING = 0.02
@@ -326,6 +325,7 @@ def fit_poles(
     n_moving = shifts.size // N_DRIFT
     low, high = lower.copy(), upper.copy()
     low[decay], high[decay] = -upper[decay], -lower[decay]  # the search moves Re s itself
+    widths = np.clip(-start.real, lower[decay], upper[decay])
     reach = np.tile(_LARGEST_DRIFT, n_moving)
 
     def at(x: Real) -> PoleFit:
@@ -338,7 +338,7 @@ def fit_poles(
         np.concatenate([_interleaved(start), shifts]),
         np.concatenate([low, -reach]),
         np.concatenate([high, reach]),
-        size=np.concatenate([np.repeat(-start.real, 2), np.tile(_SMALL_DRIFT, n_moving)]),
+        size=np.concatenate([np.repeat(widths, 2), np.tile(_SMALL_DRIFT, n_moving)]),
         # χ² is of the order of the number of values: what is left to gain is far below 1.
         gain=_NOTHING_LEFT / lines.values.size,
         tries=tries,

@@ -22,7 +22,7 @@ from ema.core.frf import FRF
 from ema.core.numerics import constant
 from ema.core.recording import DERIVATIVES, FORCE, UNKNOWN
 from ema.core.units import FREQUENCY, is_stated, parse_axis, parse_ratio
-from ema.io.content import Coherences, remark
+from ema.io.content import Coherences, note, remark
 from ema.io.frf_table import CONVERTED
 from ema.io.rates import even_step, step_and_inverse
 from ema.io.uff.dataset58_header import Header58, OrdinateUnit, UnitSystem, ordinate_unit
@@ -42,18 +42,23 @@ _SAME_LINE = 1e-3  # of the step between lines
 
 
 def read_values(
-    path: Path, dataset: Dataset, *, form_only: bool = False
+    path: Path, dataset: Dataset, *, form_only: bool = False, padded: list[Dataset] | None = None
 ) -> tuple[NDArray[np.float64] | None, NDArray[Any]]:
     """Read abscissa (None where the header gives minimum and step) and values of a dataset 58.
 
     Values are real or complex, and a read-only memory map of the file where the payload is binary.
     With `form_only`, long text of equal lines and even spacing is not read: its samples are NaN.
+    A dataset whose last line ends in zeros beyond the stated number joins those `padded`.
     """
     header = dataset.header58
     if form_only and header.even and dataset.is_equal_lines:
         return None, constant(np.nan, (header.n_values,))
     if dataset.layout is None:
-        return _split(header, _read_text(path, dataset, header))
+        numbers = _read_text(path, dataset, header)
+        stated = header.n_values * header.numbers_per_value
+        if len(numbers) > stated and padded is not None:
+            padded.append(dataset)
+        return _split(header, numbers[:stated])
     begin, _ = dataset.payload
     records: NDArray[Any] = mapped(path, dataset.layout, begin, (header.n_values,))
     _check_byte_order(place(path, dataset.index, 2), records if header.even else records["value"])
@@ -61,6 +66,17 @@ def read_values(
         return None, records
     with np.errstate(invalid="ignore"):  # signalling NaNs; the abscissa is checked where used
         return records["abscissa"].astype(np.float64), records["value"]
+
+
+def about_padding(path: Path, padded: Sequence[Dataset]) -> list[Finding]:
+    """What is said of datasets that fill their last line with zeros."""
+    if not padded:
+        return []
+    detail = (
+        f"zeros behind the stated values, on the last line of {len(padded)} datasets (first: "
+        f"{padded[0].index}), are left out"
+    )
+    return [note(path, Check.CONTENT, detail)]
 
 
 def axis_factor(path: Path, dataset: Dataset, kind: str) -> float:
@@ -87,12 +103,14 @@ def _split(
 
 
 def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.float64]:
+    """Numbers of text, and the zeros behind them that fill the last line."""
     begin, end = dataset.payload
     where = place(path, dataset.index)
     widths, per_value = _widths(header), header.numbers_per_value
     wanted = header.n_values * per_value
-    numbers, n = np.empty(min(wanted, end - begin)), 0  # each takes more than a byte
-    n_surplus, is_padded = 0, True  # the last line, with zeros
+    most = min(wanted + len(widths), end - begin)  # each takes more than a byte
+    numbers, n = np.empty(most), 0
+    n_lost = 0
     with path.open("rb") as file:
         file.seek(begin)
         length = len(file.readline(min(_LONGEST_LINE, end - begin))) or 1
@@ -104,13 +122,13 @@ def _read_text(path: Path, dataset: Dataset, header: Header58) -> NDArray[np.flo
             block = _convert(text, widths, where)
             fits = min(len(block), len(numbers) - n)
             numbers[n : n + fits] = block[:fits]
-            n, n_surplus = n + fits, n_surplus + len(block) - fits
-            is_padded = is_padded and not block[fits:].any()
-    if n < wanted or n_surplus >= len(widths) or not is_padded:
-        rule = "the file is truncated" if n < wanted else "there are more than stated"
-        found = f"{(n + n_surplus) // per_value} of {header.n_values} values"
+            n, n_lost = n + fits, n_lost + len(block) - fits
+    beyond = n + n_lost - wanted
+    if beyond < 0 or beyond >= len(widths) or numbers[wanted:n].any():
+        rule = "the file is truncated" if beyond < 0 else "there are more than stated"
+        found = f"{(n + n_lost) // per_value} of {header.n_values} values"
         raise damaged(where, found, rule)
-    return numbers
+    return numbers[:n]
 
 
 def _widths(header: Header58) -> tuple[int, ...]:
@@ -235,8 +253,9 @@ def read_frf(
     """
     frequency_hz = np.empty(0)
     values = np.empty((0, 0), dtype=np.complex128)
+    padded = list[Dataset]()
     for row, dataset in enumerate(datasets):
-        abscissa, ordinate = read_values(path, dataset)
+        abscissa, ordinate = read_values(path, dataset, padded=padded)
         lines = _lines(path, dataset, abscissa)
         if row == 0:
             frequency_hz = lines
@@ -248,6 +267,7 @@ def read_frf(
             raise RecordingFormatError(place(path, dataset.index), found, rule, remedy)
         units = around.units_at(dataset)
         values[row] = _inertance(path, dataset, ordinate, units, frequency_hz, findings)
+    findings += about_padding(path, padded)
     ends = np.array([_ends(each) for each in datasets])
     values.setflags(write=False)
     frf = FRF(

@@ -32,7 +32,14 @@ from ema.io.uff.dataset58_header import (
     Header58,
     ordinate_unit,
 )
-from ema.io.uff.frf import axis_factor, coherences_alone, read_frf, read_values, states_no_unit
+from ema.io.uff.frf import (
+    about_padding,
+    axis_factor,
+    coherences_alone,
+    read_frf,
+    read_values,
+    states_no_unit,
+)
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 
@@ -225,9 +232,10 @@ def _read_recording(
     names = _channel_names([each.header58 for each in datasets])
     rates: list[Rate] = []
     starts: list[tuple[float, float]] = []
+    padded: list[Dataset] = []
     for dataset in datasets:
         header = dataset.header58
-        abscissa, values = read_values(path, dataset, form_only=form_only)
+        abscissa, values = read_values(path, dataset, form_only=form_only, padded=padded)
         if header.is_complex:
             found = f"{header.id_lines[0]!r} has complex values"
             raise damaged(place(path, dataset.index), found, "a time response must be real")
@@ -250,7 +258,7 @@ def _read_recording(
             first = f"{rates[0].hz:g} Hz of {channels[0].name!r}"
             raise not_together(path, f"{first}, {rates[-1].hz:g} Hz of {name!r}")
     rate = rates[0]
-    findings += rate_findings(path, rate)
+    findings += [*rate_findings(path, rate), *about_padding(path, padded)]
     starts_s = [start for start, _ in starts]
     rounding_s = max(rounding for _, rounding in starts)
     together = aligned(path, channels, starts_s, rate.hz, findings, rounding_s=rounding_s)

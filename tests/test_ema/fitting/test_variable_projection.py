@@ -111,6 +111,15 @@ def test_the_fit_finds_the_true_poles_from_beside_them():
     assert fit.chi_square < 1e-12
 
 
+def test_a_start_that_would_grow_is_brought_inside_the_bounds():
+    """States of runs, carried on beyond the lines, can turn the damping of a stand-in over."""
+    values, _ = measured()
+    start = TRUE_POLES.copy()
+    start[-1] = -start[-1].conjugate()
+    fit = fit_poles(lines_of(values), start, *bounds_around(TRUE_POLES, 0.5))
+    np.testing.assert_allclose(fit.poles, TRUE_POLES, rtol=1e-5)
+
+
 def test_parameters_on_their_bound_are_flagged():
     """The first pole's decay rate and the second one's frequency are kept from the truth."""
     values, _ = measured()

@@ -6,7 +6,7 @@ from builders import ascii58, binary58, fixed, floats, frf58, header58, units164
 
 import ema
 from ema.core.errors import InputError
-from ema.core.finding import Check
+from ema.core.finding import Check, Verdict
 from ema.io.formats import read_file
 
 LINES = np.arange(1, 9)
@@ -49,8 +49,11 @@ def test_units_hold_for_what_follows(tmp_path):
 
 def test_a_last_line_filled_with_zeros(tmp_path):
     text = fixed([*np.arange(1.0, 9.0), 0, 0, 0, 0])
-    recording = read_file(written(tmp_path / "a.uff", ascii58(text))).recording
-    np.testing.assert_array_equal(recording.channels[0].samples, np.arange(1.0, 9.0))
+    content = read_file(written(tmp_path / "a.uff", ascii58(text)))
+    samples = content.recording.channels[0].samples
+    np.testing.assert_array_equal(samples, np.arange(1.0, 9.0))
+    (said,) = (each for each in content.findings if each.check is Check.CONTENT)
+    assert (said.verdict, "last line" in said.detail) == (Verdict.OK, True)
     wrong = fixed([*np.arange(1.0, 9.0), 0, 0, 0, 1])
     with pytest.raises(InputError, match="more than stated"):
         read_file(written(tmp_path / "b.uff", ascii58(wrong)))
