@@ -280,8 +280,13 @@ class CurveFit:
         return True
 
     def _in_new_states(self, fit: PoleFit) -> PoleFit:
-        """Fit again where runs have other states: what leakage does is that of poles in these."""
+        """Fit again where runs have other states: what leakage does is that of poles in these.
+
+        Not where a pole far from the orders, to which the states are carried on, would grow.
+        """
         lines = self.lines
+        if any(np.any(lines.drifted(fit.poles, state).real >= 0) for state in fit.drift):
+            return fit
         if self.fit.lines is not lines:
             lines = cleared_lines(self.frf, lines, fit.poles, fit.drift)
         return self._fit_near(lines, fit.poles, fit.drift)
@@ -331,8 +336,7 @@ class CurveFit:
         if not self.circle or not np.all(np.isfinite(self.frf.std)):
             return ()
         members = family(self.labelled(fit)).values()
-        pairs = sorted(sorted(chosen) for chosen in members if len(chosen) == 2)
-        return tuple((first, second) for first, second in pairs)
+        return tuple(sorted((min(each), max(each)) for each in members if len(each) == 2))
 
     def labelled(self, fit: PoleFit) -> tuple[Mode, ...]:
         """Modes of all poles but the stand-ins, with their orders."""
@@ -359,8 +363,10 @@ class CurveFit:
         With poles `added` behind those there are, other `starts` of some, and some `locked` there.
         """
         other = copy(self)
-        shifts, scatter = (_with_rows(each, len(added)) for each in self.sensitivity)
-        other.__dict__["sensitivity"] = shifts, scatter
+        unknown = np.full((len(added), 2), np.nan)  # in front of the stand-ins
+        other.__dict__["sensitivity"] = tuple(
+            np.insert(each, len(each) - N_STAND_INS, unknown, axis=0) for each in self.sensitivity
+        )
         other.locked = locked or {}
         poles, other.centre = self.fit.poles.copy(), self.centre.copy()
         for pole, start in (starts or {}).items():
@@ -437,14 +443,8 @@ class CurveFit:
         start = around = with_stand_ins(poles, lines)
         if lines.frequency_hz[-1] == self.fit.lines.frequency_hz[-1]:
             start = np.append(poles, self.fit.poles[-N_STAND_INS:])
-        given = lines, start, self.settings, drift, around, (), locked
-        return self.at_mean(fit_bounded(*given))
+        return self.at_mean(fit_bounded(lines, start, self.settings, drift, around, (), locked))
 
     def at_mean(self, fit: PoleFit) -> PoleFit:
         """The fit at the mean poles of its positions, where no circle tells pairs."""
         return fit if self.circle else at_mean_of_positions(fit)
-
-
-def _with_rows(known: Real, number: int) -> Real:
-    """Further rows, of which nothing is known, before those of the stand-ins."""
-    return np.insert(known, len(known) - N_STAND_INS, np.full((number, 2), np.nan), axis=0)
