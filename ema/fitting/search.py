@@ -276,10 +276,10 @@ class CurveFit:
         if self.drift.is_as(before) and not however_little:
             self.drift = self.drift.at_states_of(before)
             return False
-        self.fit = self._in_new_states(in_states(self.fit, self._shifts))
+        self.fit = self.in_new_states(in_states(self.fit, self._shifts))
         return True
 
-    def _in_new_states(self, fit: PoleFit) -> PoleFit:
+    def in_new_states(self, fit: PoleFit) -> PoleFit:
         """Fit again where runs have other states: what leakage does is that of poles in these.
 
         Not where a pole far from the orders, to which the states are carried on, would grow.

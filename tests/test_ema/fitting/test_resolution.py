@@ -7,6 +7,7 @@ import pytest
 import systems
 
 from ema.core.modes import Pair
+from ema.fitting.run_states import in_states
 from ema.identify import identify_modes
 from pipelines.simulate.truth import truth_modes
 
@@ -69,6 +70,17 @@ def curve():
     """Of two poles as strong as each other, noise says which one stands for the order."""
     frf = systems.campaign_frf(truth_modes(split_percent=3.0), 50)
     return identify_modes(frf, band_hz=(20.0, 260.0)).basis.fit.curve
+
+
+def test_states_that_make_a_far_pole_grow_lead_to_no_new_fit(curve):
+    """As carried on from the orders to a pole at 30 Hz by a strong curvature."""
+    states = np.zeros((6, 4))
+    states[1:, 2:] = 3.0, -1.0
+    moved = in_states(curve.fit, states)
+    assert np.any(curve.lines.drifted(moved.poles, states[1]).real > 0)
+    assert curve.in_new_states(moved) is moved
+    again = curve.in_new_states(curve.fit)
+    np.testing.assert_allclose(again.poles[:-2], curve.fit.poles[:-2], rtol=1e-4)
 
 
 def test_orders_are_found_together_whichever_member_comes_first(curve):
