@@ -1,4 +1,3 @@
-from .automatic import fit_modes
 from .checks.sensor_mass import SensorMass
 from .core.campaign import Campaign, Processing
 from .core.edits import ChannelName, Edit, EditKind, PoleName
@@ -6,7 +5,7 @@ from .core.errors import FitError, InputError, SupersededError
 from .core.frf import FRF
 from .core.modes import ModalModel, Mode
 from .core.references import References
-from .identify import Identification, identify_modes
+from .identify import Identification, fit_modes, identify_modes
 from .io.campaign.read import read_campaign
 from .io.uff.shape_sets import ShapeSet, read_shapes
 from .poles.stability import StabilityDiagram, build_stability, select_poles

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ema.checks.corrections import (
     Correction,
@@ -32,21 +32,19 @@ from ema.checks.sensor_consistency import SLACK, ConsistencyCheck, check_consist
 from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
 from ema.circumference.mass_loading import Across
 from ema.circumference.orders import on_circle, without_order
-from ema.core.edits import Edit, EditKind, shorthand
-from ema.core.errors import FitError, InputError, require_type
+from ema.core.edits import Edit, EditKind
+from ema.core.errors import FitError, InputError
 from ema.core.finding import Finding
 from ema.core.frf import FRF
-from ema.core.frf_arrays import frequencies_of
 from ema.core.modes import ModalModel
-from ema.core.numerics import one_blas_thread
 from ema.core.references import References
-from ema.core.settings import IDENTIFICATION, CheckSettings, IdentificationSettings
+from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import Wish, pole_named, wishes
-from ema.fitting.edited_fit import EditedFit, edited
+from ema.fitting.edited_fit import EditedFit
 from ema.fitting.joint_modes import JointModes, joint_modes
-from ema.fitting.joint_orders import across_forces, joint_curves
+from ema.fitting.joint_orders import across_forces, contradicted_curves, joint_curves
 from ema.fitting.search import curve_fit
-from ema.poles.estimators import NO_FRF, widened_band
+from ema.poles.estimators import widened_band
 from ema.poles.stability import StabilityDiagram, build_stability, select_poles
 from ema.poles.tracking import PoleSelection
 
@@ -353,7 +351,10 @@ def _with_known_drift(basis: Basis) -> Basis:
 
 
 def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[EditedFit]]:
-    """With the mass of the sensors compensated by what pairs show, while that fits; and fits."""
+    """With the mass of the sensors compensated by what pairs show, while that fits; and fits.
+
+    Where it does not, the pairs have in their ± what it would have changed.
+    """
     fits = _with_pairs(bases)
     for _ in range(_MASS_PASSES if any(each.loads for each in bases) else 0):
         found = across_forces([fit.curve for fit in fits])
@@ -363,8 +364,12 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
         again = _with_pairs(known)
         before, after = (sum(fit.model.misfit for fit in each) for each in (fits, again))
         if after > SLACK * before:
+            curves = [fit.curve for fit in fits], [fit.curve for fit in again]
+            fits = [EditedFit(curve) for curve in contradicted_curves(*curves)]
             break
         bases, fits = known, again
+    if len(bases) == 1:
+        bases = [replace(bases[0], fit=fits[0])]
     return bases, fits
 
 
@@ -373,78 +378,3 @@ def _with_pairs(bases: Sequence[Basis]) -> list[EditedFit]:
     if len(bases) == 1:
         return [bases[0].fit]
     return [EditedFit(curve) for curve in joint_curves([each.fit.curve for each in bases])]
-
-
-@one_blas_thread
-def fit_modes(
-    frf: FRF,
-    poles: PoleSelection | ArrayLike | None = None,
-    band_hz: tuple[float, float] | None = None,
-    settings: IdentificationSettings = IDENTIFICATION,
-    *,
-    hz: ArrayLike | None = None,
-) -> ModalModel:
-    """Fit poles, residues and residual terms to all FRFs at once.
-
-    Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
-    poles move within bounds around their start values. The bias of the window is compensated for
-    blocks of a random excitation. Runs whose frequencies differ by more than chance have states of
-    their own with common shapes, and the result is that of the first.
-
-    Parameters
-    ----------
-    frf : FRF
-    poles : PoleSelection or array_like of complex, optional
-        From `select_poles`, or poles in rad/s. Default: the automatic selection.
-    band_hz : tuple of float, optional
-        Band of the result; by default that of the selection, or where coherence is good.
-    settings : IdentificationSettings
-    hz : array_like, optional
-        List only the modes at these frequencies in Hz. The others of the band are fitted too, so
-        that their response is not pressed into these.
-
-    Returns
-    -------
-    ModalModel
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used.
-    FitError
-        If no pole lies in the band, none at a frequency of `hz`, or the fit diverges.
-
-    Examples
-    --------
-    >>> import ringmodal as rm
-    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
-    >>> frf = frf.rows(range(0, 72, 6))  # every 30°, to be quick
-    >>> rm.fit_modes(frf, hz=[78.7, 100.3]).frequencies_hz.round(1)
-    array([ 78.7, 100.3])
-    """
-    require_type("frf", frf, FRF, NO_FRF)
-    require_type("settings", settings, IdentificationSettings, "Leave it out")
-    pinned = None if hz is None else frequencies_of("hz", hz)
-    if poles is None:
-        band_hz = band_hz or _around(frf, pinned or ())
-        selection = select_poles(build_stability(frf, band_hz, settings=settings))
-    elif pinned is not None:
-        rule = "modes are given by their poles or by their frequencies"
-        raise InputError("fit_modes", "poles and hz", rule, "Leave one of them out")
-    else:
-        selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
-    fit = EditedFit(curve_fit(frf, selection, band_hz or selection.band_hz, settings))
-    if pinned is None:
-        return fit.model
-
-    def diagram(method: str | None) -> StabilityDiagram:
-        return build_stability(frf, selection.band_hz, method=method or "lsce", settings=settings)
-
-    return edited(fit, shorthand(pinned), diagram).model
-
-
-def _around(frf: FRF, hz: tuple[float, ...]) -> tuple[float, float]:
-    """The band of views, widened to some frequencies and a fifth beyond."""
-    low, high = frf.default_band_hz()
-    far = min(max([high, *(1.2 * each for each in hz)]), float(frf.frequency_hz[-1]))
-    return min([low, *(0.8 * each for each in hz)]), far

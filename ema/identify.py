@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ema.automatic import Asked, Basis, automatic_basis, joint_bases
 from ema.checks.corrections import Correction, channel_edits, rows_named
@@ -21,10 +22,19 @@ from ema.core.numerics import one_blas_thread
 from ema.core.references import References, frfs_of
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import acts_on_poles
-from ema.fitting.edited_fit import edited, edited_jointly
+from ema.fitting.edited_fit import EditedFit, edited, edited_jointly
 from ema.fitting.listing import with_modal_masses
-from ema.fitting.search import CurveFit
-from ema.poles.stability import OTHER, Opinion, StabilityDiagram, second_opinion
+from ema.fitting.search import CurveFit, curve_fit
+from ema.poles.estimators import NO_FRF
+from ema.poles.stability import (
+    OTHER,
+    Opinion,
+    StabilityDiagram,
+    build_stability,
+    second_opinion,
+    select_poles,
+)
+from ema.poles.tracking import PoleSelection
 
 _EACH_ALONE = Finding(
     *("", "", None),
@@ -347,3 +357,78 @@ def identification_line(found: Identification) -> str:
 def identification_html(found: Identification) -> str:
     """The modes, and every finding that a reader has to know."""
     return model_html(found.model) + findings_html(found.findings)
+
+
+@one_blas_thread
+def fit_modes(
+    frf: FRF,
+    poles: PoleSelection | ArrayLike | None = None,
+    band_hz: tuple[float, float] | None = None,
+    settings: IdentificationSettings = IDENTIFICATION,
+    *,
+    hz: ArrayLike | None = None,
+) -> ModalModel:
+    """Fit poles, residues and residual terms to all FRFs at once.
+
+    Weighted least squares with 1/σ, the noise level of the FRFs over frequency and position;
+    poles move within bounds around their start values. The bias of the window is compensated for
+    blocks of a random excitation. Runs whose frequencies differ by more than chance have states of
+    their own with common shapes, and the result is that of the first.
+
+    Parameters
+    ----------
+    frf : FRF
+    poles : PoleSelection or array_like of complex, optional
+        From `select_poles`, or poles in rad/s. Default: the automatic selection.
+    band_hz : tuple of float, optional
+        Band of the result; by default that of the selection, or where coherence is good.
+    settings : IdentificationSettings
+    hz : array_like, optional
+        List only the modes at these frequencies in Hz. The others of the band are fitted too, so
+        that their response is not pressed into these.
+
+    Returns
+    -------
+    ModalModel
+
+    Raises
+    ------
+    InputError
+        If an argument cannot be used.
+    FitError
+        If no pole lies in the band, none at a frequency of `hz`, or the fit diverges.
+
+    Examples
+    --------
+    >>> import ringmodal as rm
+    >>> frf = rm.estimate_frf(rm.read_campaign("sample_data/tyre_225_55R17"))
+    >>> frf = frf.rows(range(0, 72, 6))  # every 30°, to be quick
+    >>> rm.fit_modes(frf, hz=[78.7, 100.3]).frequencies_hz.round(1)
+    array([ 78.7, 100.3])
+    """
+    require_type("frf", frf, FRF, NO_FRF)
+    require_type("settings", settings, IdentificationSettings, "Leave it out")
+    pinned = None if hz is None else frequencies_of("hz", hz)
+    if poles is None:
+        band_hz = band_hz or _around(frf, pinned or ())
+        selection = select_poles(build_stability(frf, band_hz, settings=settings))
+    elif pinned is not None:
+        rule = "modes are given by their poles or by their frequencies"
+        raise InputError("fit_modes", "poles and hz", rule, "Leave one of them out")
+    else:
+        selection = poles if isinstance(poles, PoleSelection) else PoleSelection.around(poles)
+    fit = EditedFit(curve_fit(frf, selection, band_hz or selection.band_hz, settings))
+    if pinned is None:
+        return fit.model
+
+    def diagram(method: str | None) -> StabilityDiagram:
+        return build_stability(frf, selection.band_hz, method=method or "lsce", settings=settings)
+
+    return edited(fit, shorthand(pinned), diagram).model
+
+
+def _around(frf: FRF, hz: tuple[float, ...]) -> tuple[float, float]:
+    """The band of views, widened to some frequencies and a fifth beyond."""
+    low, high = frf.default_band_hz()
+    far = min(max([high, *(1.2 * each for each in hz)]), float(frf.frequency_hz[-1]))
+    return min([low, *(0.8 * each for each in hz)]), far

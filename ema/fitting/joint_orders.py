@@ -12,7 +12,7 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import OrderFrf, RingOrder, joint_report, pair_problem
+from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, joint_report, pair_problem
 from ema.fitting.ring_pair import PairFit, PairProblem
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
@@ -246,6 +246,22 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
         change = whole * ((across @ crest.T) ** 2 - drive**2)
         for own, ring, each in zip(found, rings, change, strict=True):
             own[order] = ring[order].poles, each
+    return found
+
+
+def contradicted_curves(curves: Sequence[CurveFit], others: Sequence[CurveFit]) -> list[CurveFit]:
+    """Fits whose pairs have in their ± what they differ by in `others`, of the same FRFs.
+
+    The mass of the sensors was taken off in another way there, and neither is known to be better.
+    """
+    found = []
+    for curve, other in zip(curves, others, strict=True):
+        there = {(o.order, o.is_main): o for o in other.ring}
+        doubted = copy(curve)
+        doubted.ring = tuple(
+            contradicted(o, there.get((o.order, o.is_main), o), curve.settings) for o in curve.ring
+        )
+        found.append(doubted)
     return found
 
 

@@ -28,6 +28,9 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 # FRFs of an order that change by less than this, in standard deviations of all lines together, move
 # none of its parameters by more: the pair is what it was.
 _UNTOUCHED = 0.05
+# Damping of members within a half-width of each other is not believed to differ by more than this
+# many times what is usual (`pair_damping_likeness`): an error of the FRFs looks like that too.
+_UNLIKE = 3.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 # Poles closer than this many half-widths of the broader one share a resonance.
@@ -255,7 +258,8 @@ def fit_pair(
     if wide is None:
         return None
     pair = wide.solve()
-    return pair if narrow is None else _with_window(pair, wide, narrow)
+    pair = pair if narrow is None else _with_window(pair, wide, narrow)
+    return _with_likeness(pair, known.settings)
 
 
 def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairFit:
@@ -282,6 +286,34 @@ def with_change(pair: PairFit, other: PairFit) -> PairFit:
     change = (other.numbers - pair.numbers) ** 2
     expected = np.maximum(np.diag(other.covariance) - np.diag(pair.covariance), 0.0)
     return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
+
+
+def _with_likeness(pair: PairFit, settings: IdentificationSettings) -> PairFit:
+    """The pair with a damping of its members more unlike than usual in its covariance.
+
+    Only the shape of one peak tells members within a half-width of each other, and an error of the
+    FRFs bends it as unlike damping does. Farther apart each member has a peak of its own.
+    """
+    a_hz, a_ratio, b_hz, b_ratio, hz, ratio = pair.numbers
+    usual = _UNLIKE * settings.pair_damping_likeness * ratio
+    beyond = (
+        max(((a_ratio - b_ratio) / 2) ** 2 - usual**2, 0.0) if b_hz - a_hz < hz * ratio else 0.0
+    )
+    return replace(pair, covariance=pair.covariance + np.diag([0, beyond, 0, beyond, 0, 0]))
+
+
+def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSettings) -> RingOrder:
+    """The order with what changes of it in FRFs that are as likely in its ±, and judged anew."""
+    if order.pair is None or other.pair is None:
+        return order
+    pair = with_change(order.pair, other.pair)
+    if order.report.pair.verdict is not Pair.RESOLVED:
+        report = _reported(order.report.pair, pair)
+    elif order.jointly:
+        report = joint_report(order.order, pair, settings)
+    else:
+        report = order_report(order.order, pair, settings)
+    return replace(order, pair=pair, report=report)
 
 
 def order_report(

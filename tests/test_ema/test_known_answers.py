@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.checks.quality import period_finding
 from ema.core.finding import Verdict
+from ema.identify import fit_modes
 from ema.poles.stability import build_stability, select_poles
 from ema.signals.frf_estimation import estimate_frf
 

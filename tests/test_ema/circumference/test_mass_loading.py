@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.checks.sensor_mass import (
     SensorMass,
     is_drift_lost,
@@ -22,7 +21,7 @@ from ema.core.drift import NO_DRIFT
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
-from ema.identify import identify_modes
+from ema.identify import fit_modes, identify_modes
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import modal_sum, solve, truth_modes

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.core.settings import IDENTIFICATION
 from ema.fitting.covariance import band_shift
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate, fit_bounded, lines_to_fit, with_stand_ins
+from ema.identify import fit_modes
 from ema.poles.tracking import PoleSelection
 
 LINES_HZ = np.arange(80, 520) / 2

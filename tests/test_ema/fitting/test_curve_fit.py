@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.core.errors import FitError
+from ema.identify import fit_modes
 from ema.poles.stability import build_stability, select_poles
 from ema.poles.tracking import PoleSelection
 

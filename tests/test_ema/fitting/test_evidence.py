@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
 from ema.fitting.evidence import (
@@ -19,7 +18,7 @@ from ema.fitting.evidence import (
 )
 from ema.fitting.fit_steps import is_undetermined, shift_beside
 from ema.fitting.pole_fit import N_DRIFT, Lines, evaluate
-from ema.identify import identify_modes
+from ema.identify import fit_modes, identify_modes
 from ema.poles.tracking import PoleSelection
 
 LINES_HZ = np.arange(1, 600) / 4

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.core.errors import FitError
 from ema.core.mac import frac
 from ema.core.recording import ExponentialWindow
+from ema.identify import fit_modes
 from ema.poles.tracking import PoleSelection
 from ema.signals.frf_estimation import estimate_frf
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import systems
 
-from ema.automatic import fit_modes
 from ema.circumference.orders import highest_order
 from ema.fitting.order_pair import OrderDecomposition
+from ema.identify import fit_modes
 from ema.poles.tracking import PoleSelection
 
 LINES_HZ = np.arange(100, 560) / 2
