@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,24 @@ class Run:
         return (self.force, *sensors, *([self.reference] if self.reference else []))
 
 
+class _Findings:
+    """Findings of a campaign, some of which may be made when they are first asked for."""
+
+    def __get__(self, campaign: Campaign | None, owner: type[Campaign]) -> tuple[Finding, ...]:
+        if campaign is None:
+            return ()
+        found: tuple[Finding, ...] | Callable[[], tuple[Finding, ...]] = vars(campaign)["findings"]
+        if callable(found):
+            found = vars(campaign)["findings"] = found()
+        return found
+
+    def __set__(self, campaign: Campaign, found: tuple[Finding, ...]) -> None:
+        vars(campaign)["findings"] = found
+
+
+_FINDINGS: Any = _Findings()
+
+
 @dataclass(frozen=True, eq=False)
 class Campaign:
     """Everything the lab handed over, checked and in SI.
@@ -169,7 +188,7 @@ class Campaign:
     sources : tuple of Path
         Every file read, the manifest first.
     findings : tuple of Finding
-        What was assumed, left out or looks odd.
+        What was assumed, left out or looks odd. What samples tell is found when it is first asked.
 
     Examples
     --------
@@ -199,7 +218,13 @@ class Campaign:
     force_direction: Direction = Direction.RADIAL
     others: tuple[Campaign, ...] = ()
     sources: tuple[Path, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[Finding, ...] = _FINDINGS
+
+    def with_later_findings(self, make: Callable[[], tuple[Finding, ...]]) -> Campaign:
+        """The campaign with findings that `make` gives, called when they are first asked for."""
+        found = replace(self)
+        vars(found)["findings"] = make
+        return found
 
     @property
     def has_circle(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,6 +27,11 @@ DERIVATIVES = {ACCELERATION: 0, VELOCITY: 1, DISPLACEMENT: 2}
 SENSELESS = 1e30  # in SI, beyond any signal: what programs write where they have no number
 
 
+def unlimited() -> float:
+    """Limit of a channel of which nobody knows an impossible sample."""
+    return float("inf")
+
+
 @dataclass(frozen=True, eq=False)
 class Channel:
     """One channel of a recording."""
@@ -40,14 +45,19 @@ class Channel:
     angle_deg: float | None = None  # from geometry in the same file, which overrides the grid
     #: Stretches known to be wrong, first sample and the one behind the last: NaN in `block`.
     gaps: tuple[tuple[int, int], ...] = ()
-    #: Magnitude in SI beyond which samples are impossible and missing; never beyond `SENSELESS`.
-    limit: float = float("inf")
+    #: Tells `limit`; all samples may have to be looked at for it, which is done when it is needed.
+    limit_of: Callable[[], float] = unlimited
     axis: int = 0  # direction in the file: 1 to 3 for X, Y, Z; 0 where it states none
 
     @property
     def n_samples(self) -> int:
         """Number of samples."""
         return int(self.samples.shape[0])
+
+    @property
+    def limit(self) -> float:
+        """Magnitude in SI beyond which samples are impossible and missing; infinite without any."""
+        return self.limit_of()
 
     def block(self, start: int, stop: int) -> NDArray[np.float64]:
         """Samples `start` to `stop` in SI units; NaN where impossible or known to be wrong."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from heapq import nlargest
 
 import numpy as np
@@ -14,7 +15,7 @@ from ema.core.finding import Check, Finding
 from ema.core.recording import DERIVATIVES, FORCE, SENSELESS, UNKNOWN, BlockPlan, Channel, Recording
 from ema.signals.excitation import is_steady
 from ema.signals.extents import BEYOND_STEADY, CHUNK, Extent, extents_of
-from ema.signals.signal_checks import STEADY_CREST, signal_findings, summarise
+from ema.signals.signal_checks import STEADY_CREST, level_findings, signal_findings, summarise
 from ema.signals.spectra import Spectra, ratio
 from ema.signals.stuck_and_repeated import Stretch
 
@@ -40,25 +41,69 @@ _LONGEST_RESPONSE = 1 << 15
 _LONG_CHUNK = 1 << 15  # transformed at once: it stays near the processor
 
 
-def with_limits(recording: Recording, extents: Sequence[Extent] | None = None) -> Recording:
+class FirstLook:
+    """A look at all samples of a recording, taken when something that it tells is asked for."""
+
+    def __init__(self, recording: Recording) -> None:
+        # Once they were looked at, the samples are let go: who keeps one channel does not keep all.
+        self._seen: Sequence[Channel] | _Seen = recording.channels
+
+    def _look(self) -> _Seen:
+        seen = self._seen
+        if not isinstance(seen, _Seen):
+            seen = self._seen = _Seen.of(seen)
+        return seen
+
+    def limit(self, number: int) -> float:
+        """Limit of a channel by its number in the recording."""
+        return self._look().limits[number]
+
+    def findings(self, file: str, recording: Recording) -> list[Finding]:
+        """Impossible samples and levels of some of the channels; `file` is named in the former."""
+        spikes = spike_findings(file, recording.channels)
+        return spikes + level_findings(recording, extents=self._look().extents)
+
+
+def with_limits(recording: Recording, look: FirstLook | None = None) -> Recording:
     """Give the channels that hold impossible samples a limit beyond which samples are missing.
 
-    `extents` are those of its channels, where they are known already: they tell that most are in
-    order. A piece of one channel is in memory at a time.
+    `look` is the one at this recording, where there is one already.
     """
-    known = extents_of(recording.channels) if extents is None else extents
-    lonely = [
-        _Lonely() if extent.is_even else _lonely(channel)
-        for channel, extent in zip(recording.channels, known, strict=True)
-    ]
-    if not any(each.highest for each in lonely):
-        return recording
-    steady = _is_steady(recording.channels, lonely)
+    look = look or FirstLook(recording)
     channels = [
-        replace(channel, limit=each.limit(steady=steady and channel.quantity in _JUDGED))
-        for channel, each in zip(recording.channels, lonely, strict=True)
+        replace(channel, limit_of=partial(look.limit, number))
+        for number, channel in enumerate(recording.channels)
     ]
     return replace(recording, channels=tuple(channels))
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a first look shows."""
+
+    extents: dict[str, Extent]  # by the name of the channel
+    limits: tuple[float, ...]
+
+    @classmethod
+    def of(cls, channels: Sequence[Channel]) -> _Seen:
+        """Extents tell that most channels are in order; of others a piece is read at a time."""
+        extents = extents_of(channels)
+        lonely = [
+            _Lonely() if extent.is_even else _lonely(channel)
+            for channel, extent in zip(channels, extents, strict=True)
+        ]
+        names = (channel.name for channel in channels)
+        return cls(dict(zip(names, extents, strict=True)), _limits(channels, lonely))
+
+
+def _limits(channels: Sequence[Channel], lonely: Sequence[_Lonely]) -> tuple[float, ...]:
+    if not any(each.highest for each in lonely):
+        return (np.inf,) * len(lonely)
+    steady = _is_steady(channels, lonely)
+    return tuple(
+        each.limit(steady=steady and channel.quantity in _JUDGED)
+        for channel, each in zip(channels, lonely, strict=True)
+    )
 
 
 def spike_findings(file: str, channels: Sequence[Channel]) -> list[Finding]:
@@ -137,7 +182,7 @@ def _is_steady(channels: Sequence[Channel], lonely: Sequence[_Lonely]) -> bool:
     verdicts = [
         is_steady(without) and summarise(without).crest_factor < STEADY_CREST
         for without in (
-            replace(channel, limit=each.limit(steady=True))
+            replace(channel, limit_of=partial(each.limit, steady=True))
             for channel, each in zip(channels, lonely, strict=True)
             if channel.quantity in (*DERIVATIVES, UNKNOWN)
         )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -44,9 +45,7 @@ from ema.io.content import FileContent, note, unreadable
 from ema.io.formats import exists, is_folder, is_recording, is_text_table, read_file
 from ema.io.frf_table import inertances
 from ema.io.rates import SAME_RATE
-from ema.signals.extents import extents_of
-from ema.signals.signal_checks import level_findings
-from ema.signals.spikes_and_gaps import spike_findings, with_limits
+from ema.signals.spikes_and_gaps import FirstLook, with_limits
 
 _SAME_ANGLE_DEG = 1e-6
 _OF_A_RESULT = "provenance.json"
@@ -353,17 +352,18 @@ def _fill_runs(
     channels = [each.possible_responses(recording.channels) for recording, each in recordings]
     grid = Grid.over(campaign.positions, list(chain.from_iterable(channels)))
     runs, reference_deg = [], None
+    noticed: list[_Noticed] = [findings]
     names = agreement.run_names([recording.path for recording, _ in recordings])
     for name, (recording, each) in zip(names, recordings, strict=True):
-        extents = extents_of(recording.channels)
-        run = assign(with_limits(recording, extents), each, grid, name, findings)
+        look, own = FirstLook(recording), list[Finding]()
+        run = assign(with_limits(recording, look), each, grid, name, own)
         runs.append(run)
         if run.reference is not None:
             reference_deg = _same_place(run, each, grid, reference_deg)
         in_use = (*run.channels, *(force.channel for force in run.forces[1:]))
-        findings += spike_findings(name, in_use)
-        by_name = dict(zip(recording.names, extents, strict=True))
-        findings += level_findings(replace(recording, channels=in_use), extents=by_name)
+        noticed += [own, partial(look.findings, name, replace(recording, channels=in_use))]
+    findings = []
+    noticed.append(findings)
     findings += grid.off_grid([place for run in runs for place in (*run.responses, *run.others)])
     campaign = _with_masses_of_sums(campaign, [each for _, each in recordings])
     _require_masses(campaign, runs)
@@ -380,14 +380,23 @@ def _fill_runs(
         kept = moved
     check_references(kept)
     findings += agreement.coverage_findings(kept, campaign.positions)
-    return replace(
+    campaign = replace(
         campaign,
         runs=tuple(kept),
         excitation_deg=kept[0].forces[0].position_deg,
         reference_deg=reference_deg,
         others=others,
-        findings=tuple(findings),
     )
+    return campaign.with_later_findings(partial(_all_of, noticed))
+
+
+_Noticed = Sequence[Finding] | Callable[[], Sequence[Finding]]
+
+
+def _all_of(noticed: Sequence[_Noticed]) -> tuple[Finding, ...]:
+    """Findings in the order of the runs; those about samples take a look at them."""
+    parts = (each() if callable(each) else each for each in noticed)
+    return tuple(chain.from_iterable(parts))
 
 
 def _with_masses_of_sums(campaign: Campaign, stated: Sequence[Wanted]) -> Campaign:

@@ -1,6 +1,7 @@
 """Extreme samples of all channels in one pass, however they are stored."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_extremes_do_not_hide_a_level_that_makes_no_sense():
     spiky = np.where(np.arange(9000) == 4000, 500.0, weak)
     for samples, limit, expected in ((weak, np.inf, 1), (spiky, np.inf, 0), (spiky, 1.0, 1)):
         (channel,) = channels_of([samples])
-        channel = replace(channel, quantity=ACCELERATION, limit=limit)
+        channel = replace(channel, quantity=ACCELERATION, limit_of=partial(float, limit))
         recording = Recording(Path("a.uff"), 2000.0, (channel,))
         known = dict(zip(recording.names, extents_of(recording.channels), strict=True))
         found = level_findings(recording, extents=known)
