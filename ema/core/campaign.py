@@ -220,12 +220,6 @@ class Campaign:
     sources: tuple[Path, ...] = ()
     findings: tuple[Finding, ...] = _FINDINGS
 
-    def with_later_findings(self, make: Callable[[], tuple[Finding, ...]]) -> Campaign:
-        """The campaign with findings that `make` gives, called when they are first asked for."""
-        found = replace(self)
-        vars(found)["findings"] = make
-        return found
-
     @property
     def has_circle(self) -> bool:
         """Whether the positions lie on a closed circle, so that circumferential orders exist."""
@@ -273,6 +267,13 @@ class Campaign:
             return f"FRFs of {counted(self.frf.n_positions, 'position')}"
         sensors = sum(len(run.responses) for run in self.runs)
         return f"{counted(len(self.runs), 'run')} with {counted(sensors, 'response')}"
+
+
+def with_later_findings(campaign: Campaign, make: Callable[[], tuple[Finding, ...]]) -> Campaign:
+    """The campaign with the findings that `make` gives once they are first asked for."""
+    found = replace(campaign)
+    vars(found)["findings"] = make
+    return found
 
 
 def _masses(campaign: Campaign) -> str:

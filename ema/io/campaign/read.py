@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ema.core.campaign import Campaign, Run
+from ema.core.campaign import Campaign, Run, with_later_findings
 from ema.core.display import counted
 from ema.core.errors import ManifestError, RecordingFormatError, nearest, require_type
 from ema.core.files import USE_SLASHES, resolve
@@ -387,7 +387,7 @@ def _fill_runs(
         reference_deg=reference_deg,
         others=others,
     )
-    return campaign.with_later_findings(partial(_all_of, noticed))
+    return with_later_findings(campaign, partial(_all_of, noticed))
 
 
 _Noticed = Sequence[Finding] | Callable[[], Sequence[Finding]]
