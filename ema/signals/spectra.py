@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ema.core.campaign import Run
@@ -85,10 +86,13 @@ def _measured(channels: Sequence[Channel], plan: BlockPlan) -> Spectra:
     """Spectra of all channels against the first one, the force."""
     sums = _Sums(len(channels) - 1, plan)
     looked_at = 0  # samples up to here were looked at for clipping: none needs that twice
-    for start, block in blocks_of(channels, plan):
-        fresh = start >= looked_at
-        looked_at = start + plan.block_samples if fresh else looked_at
-        sums.add(block, look_for_clipping=fresh)
+    for starts, blocks in _pieces_of(channels, plan):
+        fresh = []
+        for number, start in enumerate(starts):
+            if start >= looked_at:
+                looked_at = start + plan.block_samples
+                fresh.append(number)
+        sums.add(blocks, fresh)
     return sums.spectra()
 
 
@@ -100,29 +104,36 @@ def blocks_of(
     channels: Sequence[Channel], plan: BlockPlan
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Start and samples of each block, all channels; several blocks are read at a time."""
+    for starts, blocks in _pieces_of(channels, plan):
+        yield from zip(starts, blocks.swapaxes(0, 1), strict=True)
+
+
+def _pieces_of(
+    channels: Sequence[Channel], plan: BlockPlan
+) -> Iterator[tuple[Sequence[int], NDArray[np.float64]]]:
+    """Starts and samples of a few blocks at a time, (n_channels, n_blocks, block_samples)."""
     if plan.event_starts:
         for start in plan.starts:
             stop = start + plan.block_samples
-            yield start, np.stack([channel.block(start, stop) for channel in channels])
+            yield [start], np.stack([channel.block(start, stop) for channel in channels])[:, None]
         return
     room = _PIECE_BYTES // (8 * len(channels)) - plan.block_samples
     at_once = 1 + max(room, 0) // plan.step_samples
     longest = (min(at_once, plan.n_blocks) - 1) * plan.step_samples + plan.block_samples
     piece = np.empty((len(channels), longest))
+    blocks = sliding_window_view(piece, plan.block_samples, axis=1)[:, :: plan.step_samples]
     for first in range(0, plan.n_blocks, at_once):
         starts = plan.starts[first : first + at_once]
         stop = starts[-1] + plan.block_samples
         for row, channel in zip(piece, channels, strict=True):
             channel.read_block(starts[0], row[: stop - starts[0]])
-        for start in starts:
-            begin = start - starts[0]
-            yield start, piece[:, begin : begin + plan.block_samples]
+        yield starts, blocks[:, : len(starts)]
 
 
 class _Sums:
-    """Running sums over the blocks of a run; the force is row 0 of each block.
+    """Running sums over the blocks of a run; the force is row 0 of them.
 
-    Scratch arrays are kept: the system takes longer to hand out fresh ones than the sums take.
+    Row by row, what is computed stays near the processor.
     """
 
     def __init__(self, n_sensors: int, plan: BlockPlan) -> None:
@@ -137,40 +148,54 @@ class _Sums:
         self._slip = SlipMeter(n_sensors, plan)
         self._part = np.zeros_like(self.cross)  # of the part of the run that is going on
         self._n_seen, self._n_parts = 0, 0
-        self._block = np.empty((n_sensors + 1, plan.block_samples))
-        self._spectrum = np.empty((n_sensors + 1, n_lines), dtype=complex)
-        self._squares = np.empty_like(self.squares)
-        self._cross = np.empty_like(self.cross)
 
-    def add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
-        """Add a block of all channels."""
-        self._add(block, look_for_clipping=look_for_clipping)
-        self._n_seen += 1
-        if self._n_seen == self._slip.ends[self._n_parts]:
-            self._slip.add(self._n_parts, self._part)
-            self._n_parts += 1
-            self.cross += self._part
-            self._part[:] = 0.0
-
-    def _add(self, block: NDArray[np.float64], *, look_for_clipping: bool) -> None:
+    def add(self, blocks: NDArray[np.float64], fresh: Sequence[int]) -> None:
+        """Add blocks of all channels; `fresh` are those to be looked at for clipping."""
         with np.errstate(invalid="ignore", over="ignore"):  # such a mean tells that samples miss
-            mean = block.mean(axis=1, keepdims=True)
-        whole = np.isfinite(mean[:, 0])
-        if not whole[0]:
-            return
-        if look_for_clipping:
-            self.clipped += _on_extremes(block, mean[:, 0])
-            self.n_looked_at += 1
-        with np.errstate(invalid="ignore"):
-            block = np.subtract(block, mean, out=self._block)
-        block[~whole] = 0.0
-        block *= self.plan.taper
-        spectrum = np.fft.rfft(block, axis=1, out=self._spectrum)
-        parts = spectrum.view(np.float64)
-        self.squares += np.multiply(parts, parts, out=self._squares)
-        self._part += np.multiply(spectrum[1:], spectrum[0].conj(), out=self._cross)
-        self.gaps[~whole[1:]] += self._squares[0]
-        self.n_used += whole[1:]
+            mean = np.array([own.mean(axis=1) for own in blocks])
+        whole = np.isfinite(mean)
+        looked_at = [number for number in fresh if whole[0, number]]
+        for row, own in enumerate(blocks if looked_at else ()):
+            self.clipped[row] += _on_extremes(own[looked_at], mean[row, looked_at])
+        self.n_looked_at += len(looked_at)
+        done, n_blocks = 0, mean.shape[1]
+        while done < n_blocks:  # never beyond the end of a part at once
+            end = self._slip.ends[self._n_parts]
+            here = slice(done, min(done + end - self._n_seen, n_blocks))
+            usable = np.flatnonzero(whole[0, here]) + done
+            if usable.size:
+                chosen = here if usable.size == here.stop - done else usable
+                self._add(blocks[:, chosen], mean[:, chosen], whole[:, chosen])
+            self._n_seen += here.stop - done
+            done = here.stop
+            if self._n_seen == end:
+                self._slip.add(self._n_parts, self._part)
+                self._n_parts += 1
+                self.cross += self._part
+                self._part[:] = 0.0
+
+    def _add(
+        self, blocks: NDArray[np.float64], mean: NDArray[np.float64], whole: NDArray[np.bool_]
+    ) -> None:
+        """Add blocks of one part that all have the force."""
+        block = np.empty(blocks.shape[1:])
+        force, sensor = np.empty((2, len(block), self.cross.shape[1]), dtype=complex)
+        for row, own in enumerate(blocks):
+            with np.errstate(invalid="ignore"):
+                np.subtract(own, mean[row, :, None], out=block)
+            block[~whole[row]] = 0.0
+            block *= self.plan.taper
+            spectrum = np.fft.rfft(block, axis=1, out=sensor if row else force)
+            parts = spectrum.view(np.float64)
+            self.squares[row] += np.einsum("bk,bk->k", parts, parts)
+            if row:
+                spectrum *= force  # conjugate
+                self._part[row - 1] += spectrum.sum(axis=0)
+            else:
+                np.conj(force, out=force)
+        for row, number in np.argwhere(~whole[1:]):
+            self.gaps[row] += force[number].view(np.float64) ** 2
+        self.n_used += np.count_nonzero(whole[1:], axis=1)
 
     def spectra(self) -> Spectra:
         """Everything that was added."""
@@ -195,14 +220,17 @@ def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
     return squares[:, ::2] + squares[:, 1::2]
 
 
-def _on_extremes(block: NDArray[np.float64], mean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of samples equal to a block's largest or smallest; one of each is no clipping."""
-    share = np.zeros(len(block))
-    for number, row in enumerate(block):  # row by row: it stays in the cache
-        low, high = row.min(), row.max()
-        for extreme in (low, high):
-            if abs(extreme - mean[number]) >= _LIMIT * (high - low):  # else a force at rest
-                share[number] += max(np.count_nonzero(row == extreme) - 1, 0) / row.size
+def _on_extremes(blocks: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
+    """Share of samples equal to the largest or smallest of a block, summed over blocks of a channel.
+
+    One of each is no clipping.
+    """
+    low, high = blocks.min(axis=1), blocks.max(axis=1)
+    share = 0.0
+    for extreme in (low, high):
+        away = np.abs(extreme - mean) >= _LIMIT * (high - low)  # else a force at rest
+        count = np.count_nonzero(blocks == extreme[:, None], axis=1)
+        share += float(np.sum(np.maximum(count - 1, 0), where=away)) / blocks.shape[1]
     return share
 
 
