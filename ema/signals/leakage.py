@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.fft import fft, irfft, rfft
 from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
@@ -27,6 +28,7 @@ _VALUES = 20
 _SAME_ROW = 1e-9
 # Lines that a window mixes: those with at least this share of the largest, and how many.
 _LEAST_TERM, _MOST_TERMS = 1e-5, 999
+_AT_ONCE = 1 << 16  # numbers: they stay near the processor
 
 
 def noise_level(frf: FRF, lines: slice) -> NDArray[np.float64]:
@@ -163,7 +165,7 @@ def leakage_of(
     of_noise: dict[bytes, NDArray[np.complex128]] = {}  # runs in the same state share it
     for own in poles.values() if not plan.event_starts else ():
         if own.tobytes() not in of_noise:
-            of_noise[own.tobytes()] = _of_noise(plan, own)
+            of_noise[own.tobytes()] = _of_noise(plan, np.append(lines, -lines), own)
     run = np.array(frf.run)
 
     def bias_of(residues: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -174,9 +176,8 @@ def leakage_of(
                 if force_rows is not None:
                     bias[force_rows] = residues[force_rows] @ of_force[name]
                 continue
-            around = of_noise[own.tobytes()]
-            direct, mirrored = around[:, lines], around[:, -lines].conj()
-            bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored
+            direct, mirrored = np.split(of_noise[own.tobytes()], 2, axis=1)
+            bias[rows] = residues[rows] @ direct + residues[rows].conj() @ mirrored.conj()
             if force_rows is not None:
                 bias[force_rows] += residues[force_rows] @ (of_force[name] - direct)
         return bias
@@ -239,10 +240,9 @@ def _of_force(
     error = np.zeros((poles.size, lines.size), dtype=complex)
     for offset, share, force in zip(seen.offset, seen.share, seen.force, strict=True):
         turn = np.exp(-2j * np.pi * (lines - offset) / plan.block_samples)
-        error += share * step_s * (force + ends) / (1 - decay[:, None] * turn)
-    own_turn = np.exp(-2j * np.pi * lines / plan.block_samples)
-    error -= step_s / (1 - decay[:, None] * own_turn)
-    return np.asarray(poles[:, None] ** 2 * error)
+        # The window's mean comes with the lines themselves, from which the true FRF is taken off.
+        error += (share * (force + ends) - (offset == 0)) / (1 - decay[:, None] * turn)
+    return np.asarray(step_s * poles[:, None] ** 2 * error)
 
 
 @dataclass(frozen=True)
@@ -267,21 +267,23 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     weight = np.empty((plan.n_blocks, lines.size), dtype=complex)
     mixed = np.zeros((offset.size, lines.size), dtype=complex)
     place = lines - offset[:, None]
-    force = _force(record)
-    for number, start in enumerate(plan.starts):
-        spectrum = rfft(force[start : start + n])
-        found = spectrum[np.abs(place)]
-        found = np.where(place < 0, found.conj(), found)
-        weight[number] = (share @ found).conj()
-        mixed += weight[number] * found
+    blocks = sliding_window_view(_force(record), n)[np.array(plan.starts)]
+    at_once = max(_AT_ONCE // max(place.size, n), 1)
+    for number in range(0, plan.n_blocks, at_once):
+        here = slice(number, number + at_once)
+        found = rfft(blocks[here])[:, np.abs(place)]
+        np.conj(found, out=found, where=place < 0)
+        weight[here] = np.einsum("t,btl->bl", share, found).conj()
+        mixed += np.einsum("bl,btl->tl", weight[here], found)
     power = np.maximum(np.sum(np.abs(weight) ** 2, axis=0), np.finfo(float).tiny)
     return _SeenForce(offset, share, weight / power, mixed / power)
 
 
+@kept_with
 def _force(record: ForceRecord) -> NDArray[np.float64]:
     """Force of all blocks, without its mean."""
     force = record.force.block(0, record.plan.starts[-1] + record.plan.block_samples)
-    return np.asarray(force - force.mean())
+    return readonly(force - force.mean())
 
 
 def _states(
@@ -299,8 +301,8 @@ def _states(
     parts, force = np.zeros((bounds.size - 1, longest)), _force(record)
     for row, (start, stop) in enumerate(pairwise(bounds.tolist())):
         parts[row, longest - (stop - start) :] = force[start:stop]
-    powers = np.vander(decay, longest + 1)[:, :-1].T  # e^{sΔt} to the power of longest … 1
-    gained = parts @ powers.real + 1j * (parts @ powers.imag)
+    powers = np.vander(decay, longest + 1)[:, :-1].T.copy()  # e^{sΔt} to the power of longest … 1
+    gained = (parts @ powers.view(float)).view(complex)
     kept = decay ** np.diff(bounds)[:, None]
     states = np.zeros((bounds.size, decay.size), dtype=complex)
     for _ in range(2):  # around once, to begin with the state at the end
@@ -310,13 +312,15 @@ def _states(
     return states[np.searchsorted(bounds, starts)], states[np.searchsorted(bounds, stops)]
 
 
-def _of_noise(plan: BlockPlan, poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Δφ on all lines of a block, (n_modes, block_samples)."""
+def _of_noise(
+    plan: BlockPlan, lines: NDArray[np.int_], poles: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Δφ on some lines, (n_modes, n_lines)."""
     n, step_s = plan.block_samples, 1 / plan.sampling_rate_hz
     correlation = irfft(np.abs(rfft(plan.taper, 2 * n)) ** 2)[:n] / n
     decay = np.vander(np.exp(poles * step_s), n, increasing=True)
-    inside = fft((correlation - 1) * decay) * step_s
+    inside = fft((correlation - 1) * decay)[:, lines]
     # Beyond one block r is zero: there the whole response is missing. e^{−jωT} = 1 on the lines.
-    turn = np.exp(-2j * np.pi * np.arange(n) / n)
+    turn = np.exp(-2j * np.pi * lines / n)
     beyond = np.exp(poles * n * step_s)[:, None] / (1 - np.exp(poles * step_s)[:, None] * turn)
-    return np.asarray(poles[:, None] ** 2 * (inside - beyond * step_s))
+    return np.asarray(step_s * poles[:, None] ** 2 * (inside - beyond))
