@@ -27,7 +27,6 @@ from ema.io.variables import stated_rate
 
 ReadColumn = Callable[[int], pa.ChunkedArray]
 
-SUFFIXES = (".parquet", ".feather", ".arrow")
 _SCALED = "Save the scaled numbers"
 _FEATHER_1 = b"FEA1"
 _ARROW_FILE = b"ARROW1"

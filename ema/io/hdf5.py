@@ -39,7 +39,6 @@ from ema.io.variables import (
     without_complex,
 )
 
-SUFFIXES = (".h5", ".hdf5")
 _NAMES = ("names", "channels", "labels")
 _UNITS = ("unit", "units")
 # Of stored numbers, after the CF conventions.

@@ -37,7 +37,6 @@ from ema.io.variables import (
     without_complex,
 )
 
-SUFFIXES = (".mat",)
 _NAMES = {"names", "channels", "channelnames", "labels", "channellabels"}
 _UNITS = {"units", "unit", "channelunits", "yunit", "yunits"}
 _UNITS_OF_X = {"xunit", "xunits", "timeunit", "timeunits"}

@@ -24,7 +24,6 @@ from ema.io.variables import stated_rate
 if TYPE_CHECKING:
     from nptdms import TdmsChannel, TdmsFile
 
-SUFFIXES = (".tdms",)
 _TAG = b"TDSm"
 _LITTLE_BYTES = 1 << 16  # that may be reserved for nothing
 _LEAD_IN_BYTES = 28

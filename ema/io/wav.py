@@ -21,7 +21,6 @@ from ema.io.columns import Column, content_of_columns
 from ema.io.content import EXPORT_AGAIN, LEAVE_OUT, FileContent, reading, remark
 from ema.io.rates import exact_rate
 
-SUFFIXES = (".wav",)
 _EXTENSIBLE = 0xFFFE  # the code is in the chunk's extension
 _IN_DS64 = 0xFFFFFFFF  # the size is in the chunk 'ds64': files beyond 4 GB
 # Types of samples by format code (1 integers, 3 floats) and number of bits.

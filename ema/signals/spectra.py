@@ -221,7 +221,7 @@ def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _on_extremes(blocks: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
-    """Share of samples equal to the largest or smallest of a block, summed over blocks of a channel.
+    """Share of samples equal to the largest or smallest of a block, summed over the blocks.
 
     One of each is no clipping.
     """

@@ -24,11 +24,9 @@ from ema.io.text.source import TextSource, label, open_text
 from ema.io.text.table import Cells, missing_samples, read_cells
 from ema.io.uff.write import check_time_series, in_own_unit
 
-SUFFIXES = (".csv", ".tsv", ".csv.gz", ".tsv.gz")
 _UNNAMED = "column 1"
 # Factors of one and offsets of zero.
 _IDLE = re.compile(r"(?:[01](?:[.,]0*)?(?:\s+|$))*")
-NAMED_SUFFIXES = (".txt", ".asc", ".dat", ".txt.gz")
 
 
 def read(path: Path) -> FileContent:

@@ -23,7 +23,6 @@ from ema.io.text.layout import Layout
 from ema.io.text.source import Dialect, begins_some_line, count_of, open_text, starts_of
 from ema.io.text.table import missing_samples, read_cells
 
-SUFFIXES = (".lvm",)
 _NEXT_HEADER = re.compile(
     rb"^(?:Channels|Test_|UUT_|Model_Number|Serial_Number|Notes|\*\*\*)", re.MULTILINE
 )

@@ -15,8 +15,6 @@ from ema.io.content import FileContent, check_expansion, note, reading, require
 from ema.io.text import csv
 from ema.io.text.source import TextSource
 
-SUFFIXES = (".xlsx", ".xlsm")
-
 
 def read(path: Path) -> FileContent:
     """Read the table of a workbook's first sheet that has one; cells of formulas by their value.

@@ -43,7 +43,6 @@ from ema.io.uff.frf import (
 from ema.io.uff.geometry import Surroundings, read_nodes, read_surroundings
 from ema.io.uff.scan import Dataset, Lines, damaged, place, scan
 
-SUFFIXES = (".uff", ".unv", ".uf", ".bunv", ".58", ".ufb")
 _SAME_RATE = 1e-6  # relative
 _START_DIGITS = 5  # of an abscissa minimum behind the point
 _DIRECTIONS = {1: "+X", 2: "+Y", 3: "+Z", -1: "-X", -2: "-Y", -3: "-Z"}
