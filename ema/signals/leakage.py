@@ -273,8 +273,9 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
         here = slice(number, number + at_once)
         found = rfft(blocks[here])[:, np.abs(place)]
         np.conj(found, out=found, where=place < 0)
-        weight[here] = np.einsum("t,btl->bl", share, found).conj()
-        mixed += np.einsum("bl,btl->tl", weight[here], found)
+        weight[here] = (share @ found).conj()
+        found *= weight[here, None]
+        mixed += found.sum(axis=0)
     power = np.maximum(np.sum(np.abs(weight) ** 2, axis=0), np.finfo(float).tiny)
     return _SeenForce(offset, share, weight / power, mixed / power)
 
