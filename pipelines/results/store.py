@@ -191,9 +191,11 @@ def _write_forces(every: Sequence[FRF], path: Path) -> None:
     if not samples:
         return
     force = np.concatenate(list(samples.values()))
-    if np.array_equal(force.astype(np.float32), force):
-        force = force.astype(np.float32)
-    number = np.repeat(np.arange(len(samples)), [each.size for each in samples.values()])
+    single = force.astype(np.float32)
+    if np.array_equal(single, force):
+        force = single
+    sizes = [each.size for each in samples.values()]
+    number = np.repeat(np.arange(len(samples), dtype=np.int32), sizes)
     write_parquet(path, {"run": repeating(number, list(samples)), "force_n": force})
 
 

@@ -81,12 +81,18 @@ def write_parquet(path: Path, table: Columns, metadata: Mapping[str, str] | None
     """Write a table as Parquet; NaN stays NaN, None becomes null."""
     columns = {name: _arrow(column) for name, column in table.items()}
     content = pa.table(columns).replace_schema_metadata(dict(metadata or {}))
-    repeated = [
+    texts = [
         name
         for name, column in columns.items()
-        if name in _REPEATING or not (_is_number(column.type) or pa.types.is_boolean(column.type))
+        if not (_is_number(column.type) or pa.types.is_boolean(column.type))
     ]
-    pq.write_table(content, path, use_dictionary=repeated)
+    pq.write_table(
+        content,
+        path,
+        use_dictionary=[name for name in columns if name in _REPEATING or name in texts],
+        # The first and last of millions of texts that repeat: nobody asks, and it takes long.
+        write_statistics=[name for name in columns if name not in texts],
+    )
 
 
 def repeating(numbers: NDArray[Any], texts: Sequence[str]) -> pa.Array:
@@ -94,7 +100,7 @@ def repeating(numbers: NDArray[Any], texts: Sequence[str]) -> pa.Array:
     encoded = [text.encode() for text in texts]
     ends = pa.py_buffer(np.cumsum([0, *map(len, encoded)], dtype=np.int32))
     known = pa.StringArray.from_buffers(len(encoded), ends, pa.py_buffer(b"".join(encoded)))
-    return pa.DictionaryArray.from_arrays(_numbers(numbers.astype(np.int32)), known)
+    return pa.DictionaryArray.from_arrays(_numbers(numbers.astype(np.int32, copy=False)), known)
 
 
 def _arrow(column: Any) -> pa.Array:
