@@ -267,16 +267,18 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     weight = np.empty((plan.n_blocks, lines.size), dtype=complex)
     mixed = np.zeros((offset.size, lines.size), dtype=complex)
     place = lines - offset[:, None]
-    blocks = sliding_window_view(_force(record), n)[np.array(plan.starts)]
+    mirrored = (place < 0) | (place > n // 2)
+    place = np.minimum(np.abs(place), n - np.abs(place))
+    windows, starts = sliding_window_view(_force(record), n), np.array(plan.starts)
     at_once = max(_AT_ONCE // max(place.size, n), 1)
     for number in range(0, plan.n_blocks, at_once):
         here = slice(number, number + at_once)
-        found = rfft(blocks[here])[:, np.abs(place)]
-        np.conj(found, out=found, where=place < 0)
+        found = rfft(windows[starts[here]])[:, place]
+        np.conj(found, out=found, where=mirrored)
         weight[here] = (share @ found).conj()
         found *= weight[here, None]
         mixed += found.sum(axis=0)
-    power = np.maximum(np.sum(np.abs(weight) ** 2, axis=0), np.finfo(float).tiny)
+    power = np.maximum(np.sum(weight.real**2 + weight.imag**2, axis=0), np.finfo(float).tiny)
     return _SeenForce(offset, share, weight / power, mixed / power)
 
 
@@ -298,13 +300,18 @@ def _states(
     starts = np.array(record.plan.starts)
     stops = starts + record.plan.block_samples
     bounds = np.unique(np.concatenate([[0], starts, stops]))
-    longest = int(np.max(np.diff(bounds)))
-    parts, force = np.zeros((bounds.size - 1, longest)), _force(record)
-    for row, (start, stop) in enumerate(pairwise(bounds.tolist())):
-        parts[row, longest - (stop - start) :] = force[start:stop]
-    powers = np.vander(decay, longest + 1)[:, :-1].T.copy()  # e^{sΔt} to the power of longest … 1
-    gained = (parts @ powers.view(float)).view(complex)
-    kept = decay ** np.diff(bounds)[:, None]
+    lengths, force = np.diff(bounds), _force(record)
+    longest = int(lengths.max())
+    if np.all(lengths == longest):
+        parts = force.reshape(-1, longest)
+    else:
+        parts = np.zeros((lengths.size, longest))
+        for row, (start, stop) in enumerate(pairwise(bounds.tolist())):
+            parts[row, longest - (stop - start) :] = force[start:stop]
+    powers = np.vander(decay, longest + 1)[:, :-1]  # e^{sΔt} to the power of longest … 1
+    real, imag = np.split(np.concatenate([powers.real, powers.imag]) @ parts.T, 2)
+    gained = (real + 1j * imag).T
+    kept = decay ** lengths[:, None]
     states = np.zeros((bounds.size, decay.size), dtype=complex)
     for _ in range(2):  # around once, to begin with the state at the end
         states[0] = states[-1]
