@@ -113,3 +113,13 @@ def test_with_the_force_at_hand_nothing_random_is_left(window, kind):
     # Of noise, what was before the recording is unknown: it rings into the first block.
     most = 0.7 if kind == "noise" else 0.05
     assert np.linalg.norm(left) < most * np.linalg.norm(error)
+
+
+def test_windows_that_mix_many_lines_reach_beyond_the_last_one():
+    # Lines above half the sampling rate are those below it, mirrored.
+    force = systems.white(20_000, seed=3) * (np.arange(20_000) % 3137 < 900)
+    run = systems.run_of(force, systems.responses_to(force, RATE_HZ, POLES, RESIDUES), RATE_HZ)
+    frf = estimate_frf(systems.campaign_of(run, block_seconds=4.0, window="flattop"))
+    found = leakage.leakage_bias(frf, frf.frequency_hz, {frf.run[0]: POLES}, RESIDUES)
+    error = frf.values - systems.inertance(frf.frequency_hz, POLES, RESIDUES)
+    assert np.linalg.norm(error - found) < 0.05 * np.linalg.norm(error)
