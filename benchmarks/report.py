@@ -19,7 +19,9 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 from browser import Browser, chromium  # noqa: E402
 
-from pipelines.report.write import run_demo  # noqa: E402
+from pipelines.process.run import process  # noqa: E402
+from pipelines.report.write import save  # noqa: E402
+from pipelines.simulate.campaign import sample_campaign  # noqa: E402
 
 BUILD = """
 import sys, time
@@ -79,7 +81,8 @@ def main() -> None:
     repeat = parser.parse_args().repeat
 
     with tempfile.TemporaryDirectory() as folder:
-        _, result = run_demo(Path(folder))
+        result = Path(folder) / "result"
+        save(process(sample_campaign(Path(folder) / "campaign")), result)
         own, floor = Path(folder) / "report.html", Path(folder) / "floor.html"
         build(result, own)
         n_bytes = own.stat().st_size

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial, wraps
+from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -19,7 +20,7 @@ from ema.core.recording import overlap_share
 from model.coefficients import PressureLoad
 from model.tuning_problem import PARAMETERS, RADIAL_GROWTH
 from pipelines.cli.terminal import show_logs
-from pipelines.library.library import VARIABLE, numbers_of
+from pipelines.library.numbering import VARIABLE
 from pipelines.results.options import Options, Units
 from pipelines.storage.atomic import require_free_file
 
@@ -320,6 +321,22 @@ def numbers(option: str, texts: Sequence[str] | None) -> tuple[float, ...]:
     except ValueError as error:
         rule = "it must be numbers separated by commas"
         raise InputError(option, repr(text), rule, "Write e.g. 78.7,100.3") from error
+
+
+def numbers_of(option: str, texts: Iterable[str], example: str) -> dict[str, float]:
+    """Numbers of repeated ``NAME=VALUE`` texts; `InputError` if one is malformed."""
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = nan
+        if not isfinite(number):
+            rule = "it must be NAME=NUMBER, in the unit that the name ends with"
+            raise InputError(option, repr(text), rule, f"Write e.g. {example}")
+        found[name.strip()] = number
+    return found
 
 
 def ring_parameters(option: str, texts: Sequence[str] | None) -> dict[str, float]:

@@ -27,8 +27,10 @@ from pipelines.prepare.inspection import (
     inspect_files,
 )
 from pipelines.prepare.manifest_template import draft_manifest, write_draft
+from pipelines.process.run import process
 from pipelines.report.page import read_template
-from pipelines.report.write import run_demo
+from pipelines.report.write import save
+from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.atomic import named
 
 PLACES = "Sensor positions"
@@ -51,9 +53,11 @@ def demo(
     Example:
       ringmodal demo --out demo
     """
-    looks = read_template(None, units)
-    with reporting_outcome(out / "result"):
-        result, folder = run_demo(out, looks)
+    looks, folder = read_template(None, units), out / "result"
+    with reporting_outcome(folder):
+        # From the project's folder; where that is missing, it is written first.
+        result = process(sample_campaign(out / "campaign"))
+        save(result, folder, force=True, template=looks)
     told: dict[str, Any] = {"as_json": as_json, "quiet": quiet, "units": looks.units}
     show(result, folder, report=True, **told)
 

@@ -18,15 +18,8 @@ from pipelines.cli.tyre_tir import from_tir, modal_targets, update_tir
 from pipelines.library.export import export as write
 from pipelines.library.export import version_rows, write_table
 from pipelines.library.history import difference, history_of, pressure_series
-from pipelines.library.library import (
-    VARIABLE,
-    NamedSet,
-    TyreLibrary,
-    numbers_of,
-    read_source,
-    resolve,
-)
-from pipelines.library.numbering import require_version, split_reference
+from pipelines.library.library import NamedSet, TyreLibrary, read_source, resolve
+from pipelines.library.numbering import VARIABLE, require_version, split_reference
 from pipelines.library.version import Version, login_name
 from pipelines.report.ring import ENDINGS, write_series
 
@@ -81,7 +74,7 @@ def add(
         tyre_id=tyre_id,
         note=note,
         author=author,
-        conditions=numbers_of("--condition", condition or (), "temperature_c=21.5"),
+        conditions=opt.numbers_of("--condition", condition or (), "temperature_c=21.5"),
         accept_changes=accept_changes,
         accept_warnings=accepted,
     )

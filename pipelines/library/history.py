@@ -23,11 +23,11 @@ from pipelines.library.version import (
     recordings,
     values_of,
 )
+from pipelines.results.options import UNITS_PA
 from pipelines.results.parameter_set import DAMPING_NAMES, RING_NAMES, ParameterSet
 from pipelines.storage.checksums import DamagedFile
 
 PRESSURE = "inflation_pressure_pa"
-UNITS_PA = {"bar": 1e5, "kPa": 1e3, "Pa": 1.0, "psi": 6894.757293168}
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import isfinite, nan
 from pathlib import Path
 
 from ema.core.errors import InputError, unknown
 from model.adequacy import State
 from model.errors import ParameterError
-from pipelines.library.numbering import folder_name, numbered_files, split_reference
+from pipelines.library.numbering import VARIABLE, folder_name, numbered_files, split_reference
 from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
 from pipelines.results.parameter_set import (
     CONDITION_NAMES,
@@ -24,7 +23,6 @@ from pipelines.results.verdict import accepted_verdict
 from pipelines.storage.atomic import folder_in_use
 from pipelines.storage.checksums import DamagedFile, sha256
 
-VARIABLE = "RINGMODAL_LIBRARY"
 _RESULT, _SET = "provenance.json", "tyre.toml"
 
 
@@ -186,22 +184,6 @@ def parameter_file(source: Path) -> Path:
             remedy if is_result else "Give a result folder or a parameter set",
         )
     return path
-
-
-def numbers_of(option: str, texts: Iterable[str], example: str) -> dict[str, float]:
-    """Numbers of repeated ``NAME=VALUE`` texts; `InputError` if one is malformed."""
-    found = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        try:
-            number = float(value)
-        except ValueError:
-            number = nan
-        if not isfinite(number):
-            rule = "it must be NAME=NUMBER, in the unit that the name ends with"
-            raise InputError(option, repr(text), rule, f"Write e.g. {example}")
-        found[name.strip()] = number
-    return found
 
 
 def _as_folder(name: str) -> str:

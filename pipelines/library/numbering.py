@@ -19,6 +19,8 @@ from pathlib import Path
 from ema.core.errors import InputError
 from pipelines.storage.atomic import folder_in_use, partial_name, remove_abandoned
 
+VARIABLE = "RINGMODAL_LIBRARY"  # of the environment: the folder of the library
+
 ABANDONED_S = 30.0  # a turn takes milliseconds; after this time without change it is abandoned
 _POLL_S = 0.02
 _ATTEMPTS = 6  # a virus scanner may lock a new file for a moment

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ema.core.display import signed
-from model import Bifurcation, HubResponse
 from model.identifiability import Correlation, Sensitivity
 from model.parameters import DAMPING_NAMES, RING_NAMES
-from pipelines.library.history import UNITS_PA, Series, Trend
 from pipelines.plots import plot as go
 from pipelines.plots.chart import Chart
 from pipelines.plots.measurement import on_circle
 from pipelines.plots.modes import matrix_chart
+from pipelines.results.options import UNITS_PA
 from pipelines.results.result import Validation
 from pipelines.results.tables import wrapped_phase_deg
-from pipelines.simulate.responses import CleatResponse, LoadedSweep, SimulatedInertance
+
+if TYPE_CHECKING:  # a report shows none of these
+    from model import Bifurcation, HubResponse
+    from pipelines.library.history import Series, Trend
+    from pipelines.simulate.responses import CleatResponse, LoadedSweep, SimulatedInertance
 
 TOLERANCE_PERCENT = 1.0
 TOLERANCE = f"±{TOLERANCE_PERCENT:g} %"

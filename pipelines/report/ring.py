@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +16,19 @@ from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
-from pipelines.library.history import UNITS_PA, Series, Trend
 from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart
 from pipelines.process.validate import ring_orders
 from pipelines.report.page import Beside, Block, Paragraph, Picture, Section, Table, render_page
 from pipelines.report.summary import listed, remaining_notes
-from pipelines.results.options import Units, parameter_rows
+from pipelines.results.options import UNITS_PA, Units, parameter_rows
 from pipelines.results.result import Result, Validation
 from pipelines.results.verdict import orders_in_doubt, ring_is_usable
 from pipelines.storage.atomic import file_written_whole
+
+if TYPE_CHECKING:  # a report shows none of these
+    from pipelines.library.history import Series, Trend
 
 HEAD = ("parameter", "symbol", "value", "unit", "how obtained")
 WORDS = (0, 1, 3, 4)

@@ -19,7 +19,6 @@ from ema.core.modes import ModalModel
 from ema.core.numerics import one_blas_thread
 from pipelines.export.data import write_workbook
 from pipelines.plots.chart import Chart, Drawn
-from pipelines.process.run import process
 from pipelines.process.validate import ring_orders
 from pipelines.report import by_hand, identification, measurement, responses, ring, summary
 from pipelines.report.page import (
@@ -43,7 +42,6 @@ from pipelines.results.result import Result
 from pipelines.results.store import write_identification, write_measured
 from pipelines.results.tables import short
 from pipelines.results.verdict import MeasuredOrder
-from pipelines.simulate.campaign import sample_campaign
 from pipelines.storage.atomic import (
     MARKER,
     file_written_whole,
@@ -389,15 +387,3 @@ def _replaceable(result: Result) -> dict[str, str]:
     accepted = result.provenance.get(ACCEPTED, {})
     kept = (MARKER, *READ_BACK, *OPTIONAL_READ_BACK)
     return {name: sha for name, sha in accepted.items() if name in kept and sha}
-
-
-def run_demo(out: Path, template: Template = PLAIN) -> tuple[Result, Path]:
-    """Process the sample campaign into ``out/result``, where it replaces an earlier demonstration.
-
-    The campaign comes from the project's folder; where that is missing it is written to
-    ``out/campaign`` first.
-    """
-    result = process(sample_campaign(out / "campaign"))
-    folder = out / "result"
-    save(result, folder, force=True, template=template)
-    return result, folder

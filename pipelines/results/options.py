@@ -15,6 +15,8 @@ from ema.core.settings import CheckSettings, IdentificationSettings
 from model.coefficients import PressureLoad
 from model.parameters import TuningPriors
 
+#: Units of pressure that can be shown.
+UNITS_PA = {"bar": 1e5, "kPa": 1e3, "Pa": 1.0, "psi": 6894.757293168}
 #: Pressure model of a tuning: that of the paper.
 DEFAULT_LOAD: PressureLoad = "dead"
 #: Shares of a value, and the field of `TuningPriors` for each.

@@ -20,9 +20,8 @@ from ema.core.recording import BlockPlan, ExponentialWindow
 from ema.poles.stability import Opinion
 from ema.signals.steadiness import Steadiness
 from pipelines.results.result import AutomaticMode, DrivenMode, OtherMode
-from pipelines.storage.tables import LARGEST
+from pipelines.storage.tables import LARGEST, REMEDY
 
-REMEDY = "Process the recordings again"
 _MAY_BE_INFINITE = ("std_percent", "n_effective")  # where nothing is known
 _HIGHEST_ORDER = 10_000  # far above what sensors around a tyre can resolve
 _SLOWEST_RAD_S = 1e-6  # smallest imaginary part of a pole

@@ -7,9 +7,10 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from shutil import copyfile
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +30,16 @@ from ema.core.references import frfs_of
 from ema.core.settings import CheckSettings
 from ema.poles.stability import StabilityDiagram
 from ema.poles.tracking import Cluster
-from pipelines.results import schema
 from pipelines.results.edits_file import edits_of
 from pipelines.results.provenance import CheckedResult, checked_result, with_inputs_at
 from pipelines.results.result import Further, Result, Setup, Stored
 from pipelines.results.tables import in_band, read_frfs, write_frfs
 from pipelines.storage.atomic import MARKER, recover
 from pipelines.storage.checksums import ACCEPTED, sha256
-from pipelines.storage.tables import Table, repeating, write_parquet
+from pipelines.storage.tables import REMEDY, Table, repeating, write_parquet
+
+if TYPE_CHECKING:
+    from pipelines.results import schema
 
 JSON_NAME = "identification.json"
 RESIDUES_NAME = "residues.parquet"
@@ -79,13 +82,14 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     folder = Path(require_type("result", folder, (str, Path), "Name a result folder"))
     if "\0" in str(folder):
         raise InputError("result", repr(str(folder)), "it must be a path", "Correct it")
+    check = import_module("pipelines.results.schema")  # not loaded where a result is only written
     for attempts_left in reversed(range(_ATTEMPTS)):
         recover(folder)
         before = _marker_bytes(folder)
         try:
             checked = checked_result(folder, accept_changes=accept_changes)
-            schema.require_provenance(folder / MARKER, checked.marker.content)
-            result = _read_identification(folder, checked.marker.content)
+            check.require_provenance(folder / MARKER, checked.marker.content)
+            result = _read_identification(folder, checked.marker.content, check)
         except InputError:
             if not attempts_left or _marker_bytes(folder) == before:
                 raise
@@ -187,21 +191,18 @@ def _write_forces(every: Sequence[FRF], path: Path) -> None:
 
     Forces at several places have runs of their own.
     """
-    samples = {run: _samples(each) for frf in every for run, each in frf.forces.items()}
+    samples = {
+        run: each.force.block(0, each.plan.starts[-1] + each.plan.block_samples)
+        for frf in every
+        for run, each in frf.forces.items()
+    }
     if not samples:
         return
     force = np.concatenate(list(samples.values()))
     single = force.astype(np.float32)
-    if np.array_equal(single, force):
-        force = single
-    sizes = [each.size for each in samples.values()]
-    number = np.repeat(np.arange(len(samples), dtype=np.int32), sizes)
+    force = single if np.array_equal(single, force) else force
+    number = np.repeat(np.arange(len(samples), dtype=np.int32), [*map(len, samples.values())])
     write_parquet(path, {"run": repeating(number, list(samples)), "force_n": force})
-
-
-def _samples(record: ForceRecord) -> NDArray[np.float64]:
-    plan = record.plan
-    return record.force.block(0, plan.starts[-1] + plan.block_samples)
 
 
 def _read_forces(path: Path, forces: Sequence[schema.StoredForce]) -> dict[str, ForceRecord]:
@@ -230,9 +231,9 @@ def _as_json(value: Any) -> Any:
     return value.tolist()
 
 
-def _read_identification(folder: Path, record: dict[str, Any]) -> Result:
+def _read_identification(folder: Path, record: dict[str, Any], check: Any) -> Result:
     """Result without its ring steps from a folder and its provenance."""
-    stored = schema.read_identification_json(folder / JSON_NAME)
+    stored: schema.Stored = check.read_identification_json(folder / JSON_NAME)
     options = record["options"]
     measured, further = _read_measured(folder, stored, options.get("estimator", "H1"))
     mass = _mass(stored.sensor_mass)
@@ -313,7 +314,7 @@ def _read_measured(
     _require_rows(folder / JSON_NAME, stored.corrections, frf.n_positions)
     if len(others) != len(stored.further):
         found, rule = f"{len(others)} in frf.parquet", f"{len(stored.further)} are described"
-        raise InputError(f"{folder / JSON_NAME}, further", found, rule, schema.REMEDY)
+        raise InputError(f"{folder / JSON_NAME}, further", found, rule, REMEDY)
     further = []
     for number, (other, known) in enumerate(zip(others, stored.further, strict=True), 2):
         _require_rows(folder / JSON_NAME, known.corrections, other.n_positions)
@@ -338,7 +339,7 @@ def _of_rows(path: Path, stored: Mapping[str, Sequence[float]], frf: FRF) -> dic
     of_rows: dict[str, Any] = {name: np.array(each) for name, each in stored.items()}
     if {*of_rows} - {*_OF_ROWS} or {each.size for each in of_rows.values()} - {frf.n_positions}:
         rule = f"one value for each of the {frf.n_positions} FRFs"
-        raise InputError(f"{path}, rows", "another number", rule, schema.REMEDY)
+        raise InputError(f"{path}, rows", "another number", rule, REMEDY)
     return of_rows
 
 
@@ -349,7 +350,7 @@ def _require_rows(path: Path, corrections: Sequence[Correction], n_rows: int) ->
     out = [each.row for each in corrections if each.excluded]
     if not named <= set(range(n_rows)) or len(set(rows)) < len(rows) or len(out) == n_rows:
         rule = f"at most one for each of the {n_rows} FRFs, of which one or more must be used"
-        raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, schema.REMEDY)
+        raise InputError(f"{path}, corrections", f"rows {sorted(rows)}", rule, REMEDY)
 
 
 def _read_references(path: Path, band_hz: schema.Two) -> dict[int, FRF]:
@@ -360,7 +361,7 @@ def _read_references(path: Path, band_hz: schema.Two) -> dict[int, FRF]:
         if frf.n_positions < 2 or not n_lines or np.any(frf.std == 0):
             found = f"{frf.n_positions} runs, {n_lines} frequencies in the band"
             rule = "the check needs two or more runs, frequencies in the band, and noise"
-            raise InputError(str(path), found, rule, schema.REMEDY)
+            raise InputError(str(path), found, rule, REMEDY)
     return every
 
 
@@ -396,12 +397,12 @@ def _require_positions(path: Path, stored: schema.Stored, frf: FRF) -> None:
     """Refuse modes that do not fit the positions of the FRFs."""
     if len(stored.frac) != frf.n_positions:
         found, rule = f"frac of {len(stored.frac)} positions", f"the FRFs have {frf.n_positions}"
-        raise InputError(str(path), found, rule, schema.REMEDY)
+        raise InputError(str(path), found, rule, REMEDY)
     orders = [mode.order for mode in (*stored.modes, *stored.guard_modes) if mode.order is not None]
     on_circle = bool(np.all(np.isfinite(frf.position_deg)))
     if orders and not (on_circle and max(orders) <= highest_order(frf.position_deg)):
         rule = "the positions of the FRFs must resolve the order"
-        raise InputError(str(path), f"a mode of order {max(orders)}", rule, schema.REMEDY)
+        raise InputError(str(path), f"a mode of order {max(orders)}", rule, REMEDY)
 
 
 def _read_residues(

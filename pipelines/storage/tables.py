@@ -27,6 +27,7 @@ _REPEATING = ("position_deg", "frequency_hz", "node", "order", "row")
 # No number of a result is as large in SI units, and its fourth power is still a double.
 _MOST_DIGITS = 10  # of a node
 LARGEST = 1e30
+REMEDY = "Process the recordings again"
 
 
 def plain_rows(table: Columns) -> list[tuple[Any, ...]]:
@@ -192,7 +193,7 @@ class Table:
 
     def unusable(self, found: str, rule: str) -> InputError:
         """The error for a table that is not as it was written."""
-        return InputError(str(self.path), found, rule, "Process the recordings again")
+        return InputError(str(self.path), found, rule, REMEDY)
 
     def _column(self, name: str) -> Any:
         if self.names.count(name) != 1:

@@ -16,9 +16,10 @@ from library import DESIGNATION, SET, doubted, varied, written
 
 from ema.core.errors import InputError
 from model.adequacy import Reason
+from pipelines.cli.options import numbers_of
 from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
 from pipelines.library.history import difference, history_of, pressure_series
-from pipelines.library.library import NamedSet, TyreLibrary, numbers_of, resolve
+from pipelines.library.library import NamedSet, TyreLibrary, resolve
 from pipelines.library.numbering import folder_name, split_reference
 from pipelines.library.version import Event, record_approval
 from pipelines.results.parameter_set import Parameter, from_tuning, read_parameter_set
