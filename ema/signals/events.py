@@ -68,11 +68,13 @@ def find_events(force: Channel, rate_hz: float) -> tuple[Event, ...]:
     samples = force.block(0, force.n_samples)
     length = max(round(_PIECE_S * rate_hz), 1)
     n_pieces = samples.size // length
-    if n_pieces < 2 or not np.all(np.isfinite(samples)):
+    if n_pieces < 2 or not np.isfinite(samples.sum()):
         return ()
-    size = np.abs(samples - np.median(samples))
-    peak = size[: n_pieces * length].reshape(n_pieces, length).max(axis=1)
-    limit = max(_ACTS * peak.max(), _ABOVE_QUIET * float(np.quantile(peak, _QUIET)))
+    starts, whole = np.arange(0, n_pieces * length, length), samples[: n_pieces * length]
+    high, low = (of.reduceat(whole, starts) for of in (np.maximum, np.minimum))
+    middle = _ordered(samples, 0.5)
+    peak = np.maximum(high - middle, middle - low)
+    limit = max(_ACTS * peak.max(), _ABOVE_QUIET * _ordered(peak, _QUIET))
     acts = np.flatnonzero(peak > limit)
     if not acts.size:
         return ()
@@ -80,6 +82,12 @@ def find_events(force: Channel, rate_hz: float) -> tuple[Event, ...]:
     first, last = acts[np.r_[0, rests + 1]], acts[np.r_[rests, acts.size - 1]]
     bounds = zip((first * length).tolist(), ((last + 1) * length).tolist(), strict=True)
     return tuple(_event(samples, start, stop, rate_hz) for start, stop in bounds)
+
+
+def _ordered(values: NDArray[np.float64], share: float) -> float:
+    """The value that this share of them lies below; a true quantile takes five times as long."""
+    place = int(share * values.size)
+    return float(np.partition(values, place)[place])
 
 
 def _event(samples: NDArray[np.float64], start: int, stop: int, rate_hz: float) -> Event:

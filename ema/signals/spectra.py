@@ -155,8 +155,8 @@ class _Sums:
             mean = np.array([own.mean(axis=1) for own in blocks])
         whole = np.isfinite(mean)
         looked_at = [number for number in fresh if whole[0, number]]
-        for row, own in enumerate(blocks if looked_at else ()):
-            self.clipped[row] += _on_extremes(own[looked_at], mean[row, looked_at])
+        for row, own in enumerate(blocks):
+            self.clipped[row] += sum(_on_extremes(own[k], mean[row, k]) for k in looked_at)
         self.n_looked_at += len(looked_at)
         done, n_blocks = 0, mean.shape[1]
         while done < n_blocks:  # never beyond the end of a part at once
@@ -220,18 +220,14 @@ def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
     return squares[:, ::2] + squares[:, 1::2]
 
 
-def _on_extremes(blocks: NDArray[np.float64], mean: NDArray[np.float64]) -> float:
-    """Share of samples equal to the largest or smallest of a block, summed over the blocks.
-
-    One of each is no clipping.
-    """
-    low, high = blocks.min(axis=1), blocks.max(axis=1)
-    share = 0.0
+def _on_extremes(block: NDArray[np.float64], mean: float) -> float:
+    """Share of the samples of one channel equal to the largest or smallest; one is no clipping."""
+    low, high = block.min(), block.max()
+    count = 0
     for extreme in (low, high):
-        away = np.abs(extreme - mean) >= _LIMIT * (high - low)  # else a force at rest
-        count = np.count_nonzero(blocks == extreme[:, None], axis=1)
-        share += float(np.sum(np.maximum(count - 1, 0), where=away)) / blocks.shape[1]
-    return share
+        if abs(extreme - mean) >= _LIMIT * (high - low):  # else a force at rest
+            count += max(int(np.count_nonzero(block == extreme)) - 1, 0)
+    return count / block.size
 
 
 def pooled(parts: list[Spectra], place: NDArray[np.int_], n_places: int) -> Spectra:

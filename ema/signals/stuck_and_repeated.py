@@ -160,10 +160,11 @@ def _look(channel: Channel, shortest: int) -> _Look:
         return _Look(channel, 0.0, 0.0, ())
     rms = float(np.std(known))
     found = _holds(channel, seen, stride, shortest) if rms > 0 else ()
+    if not found:
+        return _Look(channel, 0.0, rms, ())  # nobody asks where its middle is
     levels = np.unique(known)
-    if found and (levels.size < 2 or _FEWEST_STEPS * np.min(np.diff(levels)) > rms):
-        found = ()
-    return _Look(channel, float(np.median(known)), rms, found)
+    coarse = levels.size < 2 or _FEWEST_STEPS * np.min(np.diff(levels)) > rms
+    return _Look(channel, float(np.median(known)), rms, () if coarse else found)
 
 
 def _every(samples: NDArray[np.generic], stride: int) -> NDArray[np.generic]:
