@@ -21,6 +21,7 @@ _NOTHING_LEFT = 1e-4  # of χ²
 # Bounds of a drift: of frequency, its slope and curvature, of damping beside that.
 _LARGEST_DRIFT = (0.03, 0.05, 0.05, 0.3)
 _SMALL_DRIFT = (1e-3, 1e-3, 1e-3, 1e-2)
+_FACTORS = 0.5, 2.0  # far below the orders the law of a drift would make poles grow
 N_DRIFT = 4
 _ALIKE = 0.1  # share by which the members of a pair differ in their decay rate, about
 #: The last poles of a fit stand for modes above the lines.
@@ -90,10 +91,10 @@ class Lines:
         return np.asarray((2 * np.pi * self.middle_hz / np.abs(poles)) ** 2 - 1)
 
     def drift_factors(self, poles: Complex, drift: Real) -> tuple[Real, Real]:
-        """Factors of frequencies and of decay rates in a drifted state."""
+        """Factors of frequencies and of decay rates in a drifted state, none beyond two."""
         lever = self.lever(poles)
-        shift = 1 + drift[0] + drift[1] * lever + drift[2] * lever**2
-        return shift, shift + drift[3]
+        shift = np.clip(1 + drift[0] + drift[1] * lever + drift[2] * lever**2, *_FACTORS)
+        return shift, np.clip(shift + drift[3], *_FACTORS)
 
     def drifted(self, poles: Complex, drift: Real) -> Complex:
         """Poles in another state of the tyre.
@@ -405,10 +406,9 @@ def starting_poles(
     in_band = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     shown = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
     if not np.any(in_band):
-        raise FitError(
-            f"no pole between {band_hz[0]:g} and {band_hz[1]:g} Hz to start the curve fit from. "
-            "Pin frequencies or change the band."
-        )
+        where = f"between {band_hz[0]:g} and {band_hz[1]:g} Hz"
+        remedy = "Pin frequencies or change the band."
+        raise FitError(f"no pole {where} to start the curve fit from. {remedy}")
     return with_stand_ins(poles[in_band | shown], lines)
 
 

@@ -280,13 +280,8 @@ class CurveFit:
         return True
 
     def in_new_states(self, fit: PoleFit) -> PoleFit:
-        """Fit again where runs have other states: what leakage does is that of poles in these.
-
-        Not where a pole far from the orders, to which the states are carried on, would grow.
-        """
+        """Fit again where runs have other states: what leakage does is that of poles in these."""
         lines = self.lines
-        if any(np.any(lines.drifted(fit.poles, state).real >= 0) for state in fit.drift):
-            return fit
         if self.fit.lines is not lines:
             lines = cleared_lines(self.frf, lines, fit.poles, fit.drift)
         return self._fit_near(lines, fit.poles, fit.drift)
