@@ -48,8 +48,6 @@ _KNOWN = 0.1
 _ONE_SIDED = 0.02
 # As `_KNOWN`, where both members of a pair are known.
 _SEEN_WHOLE = 0.03
-# Below this share of its middle the law of a drift is not continued.
-_LOWEST = 0.4
 
 
 def unloaded(
@@ -358,7 +356,7 @@ def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
     shift = np.zeros((len(names), frequency_hz.size))
     if not drift.applied:
         return shift
-    known = drift.at(np.maximum(frequency_hz, _LOWEST * drift.middle_hz)[:, None]).T / 100
+    known = drift.at(frequency_hz[:, None]).T / 100
     known -= known.mean(axis=0)
     for own, name in zip(shift, names, strict=True):
         runs = [drift.run.index(part) for part in (name, *name.split("+")) if part in drift.run]

@@ -23,8 +23,6 @@ from ema.signals.leakage import bias_as_before, has_leakage, leakage_bias, leaka
 # A correction for random excitation that fits worse than this shows that it was not random.
 _WORSE = 1.05
 _LEAKAGE_ROUNDS = 2
-# Ring modes of laboratory tyres that are known well have more than this share in one order.
-_CLEAR_WAVE = 0.9
 # A pole that moved by less than this share of its half-width has the bias that it had.
 _STAYED = 1e-3
 # No ± of a ring mode is below these shares of frequency and damping: benchmarks/accuracy.py.
@@ -291,13 +289,12 @@ def shift_beside(modes: Sequence[Mode], beside: Container[int]) -> NDArray[np.fl
 def is_undetermined(mode: Mode, beside: bool, settings: IdentificationSettings) -> bool:
     """Whether a frequency is known, or stays with another band, to no better than a tenth.
 
-    Beside the ring, and where a shape is hardly a wave, also whether the pole is known to no better
-    than half its half-width: what the model leaves of other resonances looks like that.
+    Beside the ring also whether the pole is known to no better than half its half-width: what the
+    model leaves of other resonances looks like that.
     """
     away = np.fmax(mode.frequency_std_hz, mode.frequency_band_shift_hz)
     pole = np.hypot(mode.frequency_std_hz / mode.frequency_hz, mode.damping_std)
-    no_wave = beside or mode.order_purity < _CLEAR_WAVE
-    blurred = no_wave and pole > settings.pole_scatter * mode.damping_ratio
+    blurred = beside and pole > settings.pole_scatter * mode.damping_ratio
     return bool(away > settings.undetermined_share * mode.frequency_hz or blurred)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.drift import LONGEST_LEVER, lever_at
 from ema.core.errors import FitError
 from ema.core.frf import FRF
 from ema.core.settings import IdentificationSettings
@@ -88,7 +89,7 @@ class Lines:
 
     def lever(self, poles: Complex) -> Real:
         """What a change of the foundation moves more than the middle: (f_middle/f)² − 1."""
-        return np.asarray((2 * np.pi * self.middle_hz / np.abs(poles)) ** 2 - 1)
+        return lever_at(np.abs(poles) / (2 * np.pi), self.middle_hz)
 
     def drift_factors(self, poles: Complex, drift: Real) -> tuple[Real, Real]:
         """Factors of frequencies and of decay rates in a drifted state, none beyond two."""
@@ -202,7 +203,8 @@ class PoleFit:
         matrix = np.zeros((n, self.n_parameters))
         drift, real, imag = self.drift[group], self.poles.real, self.poles.imag
         shift, decay = self.lines.drift_factors(self.poles, drift)
-        steep = drift[1] + 2 * drift[2] * self.lines.lever(self.poles)
+        lever = self.lines.lever(self.poles)
+        steep = (drift[1] + 2 * drift[2] * lever) * (lever < LONGEST_LEVER)
         steep *= -2 * (2 * np.pi * self.lines.middle_hz) ** 2 / np.abs(self.poles) ** 4
         first, second = np.arange(0, n, 2), np.arange(1, n, 2)
         matrix[first, first] = decay + steep * real**2
@@ -212,9 +214,8 @@ class PoleFit:
         if group:
             own = n + N_DRIFT * (group - 1)
             whole = _interleaved(self.poles)
-            lever = np.repeat(self.lines.lever(self.poles), 2)
             for power in (0, 1, 2):
-                matrix[:, own + power] = lever**power * whole
+                matrix[:, own + power] = np.repeat(lever, 2) ** power * whole
             matrix[0::2, own + 3] = real
         return matrix
 
@@ -406,9 +407,8 @@ def starting_poles(
     in_band = (frequency_hz >= band_hz[0]) & (frequency_hz <= band_hz[1])
     shown = (frequency_hz - low > half_width_hz) & (high - frequency_hz > half_width_hz)
     if not np.any(in_band):
-        where = f"between {band_hz[0]:g} and {band_hz[1]:g} Hz"
-        remedy = "Pin frequencies or change the band."
-        raise FitError(f"no pole {where} to start the curve fit from. {remedy}")
+        none = f"no pole between {band_hz[0]:g} and {band_hz[1]:g} Hz to start the curve fit from"
+        raise FitError(f"{none}. Pin frequencies or change the band.")
     return with_stand_ins(poles[in_band | shown], lines)
 
 

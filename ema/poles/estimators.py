@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import median_filter
 
+from ema.core.drift import lever_at
 from ema.core.errors import FitError, require_type
 from ema.core.frf import FRF
 from ema.core.frf_arrays import band_of
@@ -271,15 +272,13 @@ def align_runs(frf: FRF, lines: slice) -> NDArray[np.complex128]:
     frequency_hz = frf.frequency_hz[lines]
     run = np.array([names.index(name) for name in frf.run])
     poles = [_strong_poles(frequency_hz, values[run == number]) for number in range(len(names))]
-    middle = 2 * np.pi * float(np.sqrt(max(frequency_hz[0], 1.0) * frequency_hz[-1]))
+    middle_hz = float(np.sqrt(max(frequency_hz[0], 1.0) * frequency_hz[-1]))
     for number in range(1, len(names)):
-        shift = _shift(poles[0], poles[number], middle)
+        shift = _shift(poles[0], poles[number], middle_hz)
         if np.any(shift):
             rows = run == number
-            lever = (middle / (2 * np.pi * np.maximum(frequency_hz, frequency_hz[0] or 1.0))) ** 2
-            values[rows] = stretched(
-                frequency_hz, values[rows], 1 + shift[0] + shift[1] * (lever - 1)
-            )
+            factor = 1 + shift[0] + shift[1] * lever_at(frequency_hz, middle_hz)
+            values[rows] = stretched(frequency_hz, values[rows], factor)
     return values
 
 
@@ -296,9 +295,9 @@ def _strong_poles(
 
 
 def _shift(
-    first: NDArray[np.complex128], other: NDArray[np.complex128], middle: float
+    first: NDArray[np.complex128], other: NDArray[np.complex128], middle_hz: float
 ) -> NDArray[np.float64]:
-    """Relative shift of the poles that two runs share and its slope over (middle/ω)² − 1.
+    """Relative shift of the poles that two runs share and its slope over `lever_at`.
 
     The slope is only used where it is clear; zeros where nothing is.
     """
@@ -313,7 +312,7 @@ def _shift(
     if pairs.size < 3:
         return nothing
     shifts = ratio[pairs, distance.argmin(axis=1)[pairs]]
-    lever = (middle / np.abs(first[pairs])) ** 2 - 1
+    lever = lever_at(np.abs(first[pairs]) / (2 * np.pi), middle_hz)
     for columns in (2, 1):
         basis = np.stack([np.ones(pairs.size), lever], axis=1)[:, :columns]
         if pairs.size < columns + 3:

@@ -7,9 +7,6 @@ import pytest
 import systems
 
 from ema.circumference.orders import highest_order
-from ema.core.modes import Mode
-from ema.core.settings import IDENTIFICATION
-from ema.fitting.fit_steps import is_undetermined
 from ema.fitting.order_pair import OrderDecomposition
 from ema.identify import fit_modes
 from ema.poles.tracking import PoleSelection
@@ -124,24 +121,3 @@ def test_two_poles_of_one_order_beyond_the_positions_become_one_row():
     frf = split_tyre(np.arange(12) * 30.0, split=0.02)
     modes = fit_modes(frf, PoleSelection(poles[np.argsort(abs(poles))], (60.0, 250.0))).modes
     assert len([mode for mode in modes if mode.order is None]) == 2
-
-
-@pytest.mark.parametrize(
-    ("purity", "half_widths", "undetermined"),
-    [(0.72, 1.7, True), (0.99, 1.7, False), (0.72, 0.1, False)],
-)
-def test_a_broad_uncertainty_counts_where_a_shape_is_hardly_a_wave(
-    purity, half_widths, undetermined
-):
-    """As at 38 ± 1.3 Hz, 72 % of order 1, where a weak hammer left that order in the noise."""
-    hz, ratio = 38.0, 0.021
-    mode = Mode(
-        pole=complex(systems.pole([hz], [ratio])[0]),
-        frequency_std_hz=half_widths * ratio * hz,
-        damping_std=0.1 * ratio,
-        residues=np.ones(72, dtype=complex),
-        residues_std=np.full(72, 0.1),
-        order=1,
-        order_purity=purity,
-    )
-    assert is_undetermined(mode, False, IDENTIFICATION) is undetermined

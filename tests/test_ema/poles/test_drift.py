@@ -193,6 +193,35 @@ def test_runs_are_counted_by_their_place_in_the_campaign():
 def test_members_of_pairs_are_not_taken_for_each_other_in_another_run(percent):
     hz, ratio = np.array([80.0, 100.0, 120.0, 145.0, 170.0]), 0.02
     first = 2 * np.pi * np.concatenate([hz, 1.01 * hz]) * (-ratio + 1j)
-    middle = 2 * np.pi * 100.0
-    moved = _shift(first, first * (1 + percent / 100), middle)
+    moved = _shift(first, first * (1 + percent / 100), middle_hz=100.0)
     np.testing.assert_allclose(moved, [percent / 100, 0.0], atol=1e-6)
+
+
+def test_the_law_is_carried_on_to_half_of_its_middle():
+    drift = systems.common_drift(("a", "b"), np.array([0.0, -0.1]), np.zeros(2))
+    steep = replace(drift, slope_percent=np.array([0.0, 0.2]), middle_hz=140.0)
+    hz = np.array([20.0, 31.0, 70.0, 100.0])
+    wanted = -0.1 + 0.2 * np.array([3.0, 3.0, 3.0, 0.96])
+    np.testing.assert_allclose(steep.at(hz[:, None])[:, 1], wanted)
+    poles = systems.pole(hz, np.full(4, 0.02))
+    moved = systems.frequency_hz_of(steep.poles_in("b", poles)) / hz
+    np.testing.assert_allclose(moved, 1 + wanted / 100, rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_mode_of_the_rim_far_below_stays_where_it_is(seed):
+    """A law of the orders, carried on to it, moved it by up to a third from run to run."""
+    rim = replace(systems.of_orders(TYRE, [1])[0], frequency_hz=31.4, damping_ratio=0.02)
+
+    def in_state(mode, percent):
+        share = max(1 - (100.0 / mode.frequency_hz) ** 2, 0.0)
+        return replace(mode, frequency_hz=mode.frequency_hz * (1 + share * percent / 100))
+
+    percent = np.array([0, -0.02, -0.04, -0.06, -0.08, -0.1])
+    frf = systems.campaign_frf(
+        [rim, *TYRE], 24, seed=seed, drift_percent=percent, in_state=in_state
+    )
+    model = identify_modes(frf, BAND_HZ).model
+    found = model.modes[0]
+    assert model.drift.applied
+    assert abs(found.frequency_hz - 31.4) < 4 * found.frequency_std_hz < 0.2
