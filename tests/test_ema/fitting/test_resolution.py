@@ -73,8 +73,8 @@ def curve():
 
 
 def test_no_state_of_a_run_makes_a_far_pole_grow(curve):
-    """As carried on from the orders to a pole at 9 Hz, whose response then had no end."""
-    far, curved = np.array([-4.0 + 57.0j]), np.array([0.0, 0.0, -0.03, 0.0])
+    """As carried on to it by a strong curvature: its response had no end."""
+    far, curved = np.array([-4.0 + 57.0j]), np.array([0.0, 0.0, -0.15, 0.0])
     lever = curve.lines.lever(far)
     assert 1 + curved[2] * lever**2 < 0
     there = curve.lines.drifted(far, curved)
