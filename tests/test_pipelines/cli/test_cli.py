@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from pipelines.cli import main as cli
-from pipelines.report import write as saving
+from pipelines.cli import start
 from pipelines.simulate import campaign as simulated
 
 pytestmark = pytest.mark.usefixtures("modes_once")
@@ -233,7 +233,7 @@ def test_inspect_lists_the_channels(ringmodal, short_campaign):
 
 
 def test_demo_ends_by_naming_the_report(ringmodal, short_campaign, tmp_path, monkeypatch):
-    monkeypatch.setattr(saving, "sample_campaign", lambda out: short_campaign)
+    monkeypatch.setattr(start, "sample_campaign", lambda out: short_campaign)
     code, output, _ = ringmodal("demo", "--out", tmp_path / "demo")
     report = tmp_path / "demo" / "result" / "report.html"
     assert code == 0
