@@ -252,7 +252,7 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
 def contradicted_curves(curves: Sequence[CurveFit], others: Sequence[CurveFit]) -> list[CurveFit]:
     """Fits whose pairs have in their ± what they differ by in `others`, of the same FRFs.
 
-    The mass of the sensors was taken off in another way there, and neither is known to be better.
+    The mass of the sensors was compensated in another way there; neither is known to be better.
     """
     found = []
     for curve, other in zip(curves, others, strict=True):

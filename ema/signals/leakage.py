@@ -240,7 +240,7 @@ def _of_force(
     error = np.zeros((poles.size, lines.size), dtype=complex)
     for offset, share, force in zip(seen.offset, seen.share, seen.force, strict=True):
         turn = np.exp(-2j * np.pi * (lines - offset) / plan.block_samples)
-        # The window's mean comes with the lines themselves, from which the true FRF is taken off.
+        # The window's mean comes with the lines themselves, from which the true FRF is subtracted.
         error += (share * (force + ends) - (offset == 0)) / (1 - decay[:, None] * turn)
     return np.asarray(step_s * poles[:, None] ** 2 * error)
 

@@ -7,7 +7,6 @@ import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields, is_dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from shutil import copyfile
 from typing import TYPE_CHECKING, Any
@@ -82,14 +81,16 @@ def load(folder: Path | str, *, accept_changes: bool = False) -> Result:
     folder = Path(require_type("result", folder, (str, Path), "Name a result folder"))
     if "\0" in str(folder):
         raise InputError("result", repr(str(folder)), "it must be a path", "Correct it")
-    check = import_module("pipelines.results.schema")  # not loaded where a result is only written
+    from pipelines.results import schema  # pydantic models: not for those who only write a result
+
     for attempts_left in reversed(range(_ATTEMPTS)):
         recover(folder)
         before = _marker_bytes(folder)
         try:
             checked = checked_result(folder, accept_changes=accept_changes)
-            check.require_provenance(folder / MARKER, checked.marker.content)
-            result = _read_identification(folder, checked.marker.content, check)
+            schema.require_provenance(folder / MARKER, checked.marker.content)
+            stored = schema.read_identification_json(folder / JSON_NAME)
+            result = _read_identification(folder, checked.marker.content, stored)
         except InputError:
             if not attempts_left or _marker_bytes(folder) == before:
                 raise
@@ -231,9 +232,8 @@ def _as_json(value: Any) -> Any:
     return value.tolist()
 
 
-def _read_identification(folder: Path, record: dict[str, Any], check: Any) -> Result:
+def _read_identification(folder: Path, record: dict[str, Any], stored: schema.Stored) -> Result:
     """Result without its ring steps from a folder and its provenance."""
-    stored: schema.Stored = check.read_identification_json(folder / JSON_NAME)
     options = record["options"]
     measured, further = _read_measured(folder, stored, options.get("estimator", "H1"))
     mass = _mass(stored.sensor_mass)
