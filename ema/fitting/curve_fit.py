@@ -7,10 +7,11 @@ if it is clearly the nearest; everything else is an error that lists what is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ema.core.drift import Drift
@@ -37,7 +38,8 @@ from ema.fitting.fit_steps import (
 )
 from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.order_pair import RingOrder
-from ema.fitting.pole_fit import PoleFit, evaluate
+from ema.fitting.own_lines import on_own_lines
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import PairFit
 from ema.fitting.run_states import with_states
 from ema.fitting.search import CurveFit
@@ -187,6 +189,11 @@ def settled(curve: CurveFit) -> Settled:
     apart = {r: order for r, order in owner.items() if order.jointly or order.is_resolved}
     shown = _beside_pairs(curve, fit.poles, apart, fit.locked) if apart else fit
     misfit = shown.misfit if apart else curve.fit.misfit
+    poles, of_own_lines = on_own_lines(shown, _alone(curve, fit, owner), curve.correlation)
+    as_fitted = fit
+    if np.any(poles != fit.poles):
+        fit = _at(fit, poles)
+        shown = _beside_pairs(curve, poles, apart, fit.locked) if apart else fit
     covariance = parameter_covariance(fit, curve.correlation)
     both = frequency_damping_covariance(fit.poles, covariance)
     residues_std = residue_std(fit, covariance, curve.correlation)
@@ -196,7 +203,7 @@ def settled(curve: CurveFit) -> Settled:
         modes, both = with_model_error(modes, both, fit, scatter)
     drift = final_drift(curve, fit, covariance)
     unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, curve.correlation)
-    between = np.hypot(std_between_runs(fit, curve.correlation), unseen)
+    between = np.hypot(std_between_runs(fit, curve.correlation), np.hypot(unseen, of_own_lines))
     mixed = in_other_orders(fit, owner, residues_std, frf.position_deg, curve.settings)
     beside = beside_ring(modes, frf.position_deg, owner)
     if curve.circle and not curve.selection.pinned:
@@ -206,7 +213,7 @@ def settled(curve: CurveFit) -> Settled:
     for r in fit.locked:
         seen[r] = as_stated(modes[r], curve.locked[place[r]])
     judged_by = [rows[0] for rows, _ in seen] if curve.circle else modes
-    in_band, doubts = _doubts(curve, judged_by, fit, beside, owner)
+    in_band, doubts = _doubts(curve, judged_by, as_fitted, beside, owner)
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
     return Settled(
         frf=frf,
@@ -224,6 +231,21 @@ def settled(curve: CurveFit) -> Settled:
         misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         notes=(*curve.leakage_notes, *curve.notes),
     )
+
+
+def _alone(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> NDArray[np.int_]:
+    """Poles in the band that no pair of an order is found for; those between bounds only."""
+    low, high = curve.band_hz
+    hz = np.abs(fit.poles) / (2 * np.pi)
+    free = (low <= hz) & (hz <= high) & ~fit.at_bound.reshape(-1, 2).any(axis=1)
+    free[[*owner, *fit.locked, *range(fit.poles.size - N_STAND_INS, fit.poles.size)]] = False
+    return np.flatnonzero(free)
+
+
+def _at(fit: PoleFit, poles: Complex) -> PoleFit:
+    """The fit with other poles."""
+    again = evaluate(fit.lines, poles, fit.drift, fit.pairs, fit.locked)
+    return replace(again, at_bound=fit.at_bound)
 
 
 def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder], list[int]]:

@@ -1,0 +1,158 @@
+"""Modes on the lines of their own resonance, where the rest of the band moves them.
+
+A fit of the whole band follows what is strong. What its model leaves of strong resonances, and of
+all that lies beyond the band, moves a weak mode far more than noise does, and any mode of a
+structure whose resonances are no exact ones: differently in every band. Next to the mode that is a
+smooth background, which its own lines tell from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
+from ema.fitting.variable_projection import Complex, Real
+
+# Half-widths on either side whose lines count, and twice as many to see what that choice does:
+# the measured wheel of benchmarks/README.md and lateral modes of benchmarks/laboratory.py.
+_REACH = 3.0
+# Coefficients of the background, a polynomial of the frequency.
+_BACKGROUND = 3
+# Lines for each of the unknowns of a position, at least.
+_LINES_PER_UNKNOWN = 3
+# A pole that moves by more than this many half-widths is no resonance of these lines: it stays.
+_FARTHEST = 0.5
+_ROUNDS = 3
+# A change that noise brings about once in twenty is no more than noise.
+_CHANCE = 0.05
+
+
+@dataclass(frozen=True)
+class _Step:
+    """What its own lines change in a pole, and the variance of either part of that."""
+
+    change: complex
+    variance: float
+
+    @property
+    def beyond_noise(self) -> complex:
+        """The change less what noise adds to it (James & Stein 1961); 0 where noise explains it."""
+        size = abs(self.change) ** 2
+        if size <= -2 * self.variance * np.log(_CHANCE):
+            return 0j
+        return self.change * (1 - 2 * self.variance / size)
+
+
+def on_own_lines(
+    fit: PoleFit, chosen: NDArray[np.int_], correlation: float
+) -> tuple[Complex, Real]:
+    """Poles of a fit, some of them where the lines of their own resonance have them.
+
+    Parameters
+    ----------
+    fit : PoleFit
+    chosen : ndarray of int
+        Poles that may move.
+    correlation : float
+        From `line_correlation`.
+
+    Returns
+    -------
+    poles : ndarray of complex, shape (n_modes,)
+    std : ndarray, shape (n_modes, 2)
+        What this leaves open of frequency in Hz and damping ratio; 0 for poles that stay.
+    """
+    start, free = fit, set(chosen.tolist())
+    for _ in range(_ROUNDS):
+        steps = {k: _step(fit, k, _REACH, correlation) for k in sorted(free)}
+        poles = fit.poles.copy()
+        for k, step in steps.items():
+            poles[k] += step.beyond_noise if step is not None else 0.0
+        far = np.abs(poles - start.poles) > _FARTHEST * -start.poles.real
+        poles[far] = start.poles[far]
+        free = {k for k in free if poles[k] != fit.poles[k] and not far[k]}
+        fit = evaluate(fit.lines, poles, fit.drift, fit.pairs, fit.locked)
+        if not free:
+            break
+    std = np.zeros((fit.poles.size, 2))
+    for k in chosen:
+        std[k] = _left_open(fit, int(k), bool(fit.poles[k] != start.poles[k]), correlation)
+    return fit.poles, std
+
+
+def _left_open(fit: PoleFit, k: int, moved: bool, correlation: float) -> Real:
+    """Standard deviations from noise, where it moved, and from how many lines are its own."""
+    pole, largest, noise = fit.poles[k], np.zeros(2), 0.0
+    for reach in (_REACH, 2 * _REACH):
+        step = _step(fit, k, reach, correlation)
+        if step is not None:
+            off = np.abs(_numbers(pole + step.beyond_noise) - _numbers(pole))
+            largest, noise = np.maximum(largest, off), max(noise, step.variance)
+    own = np.sqrt(noise * moved) / np.array([2 * np.pi, abs(pole)])
+    return np.asarray(np.hypot(largest, own))
+
+
+def _numbers(pole: complex) -> Real:
+    return np.array([abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
+
+
+def _step(fit: PoleFit, k: int, reach: float, correlation: float) -> _Step | None:
+    """Change of a pole that its own lines ask for; None where they are too few.
+
+    Its variance is that of the positions around their mean, or of their lines if larger.
+    """
+    of_groups = [_of_positions(fit, number, k, reach) for number in range(len(fit.parts))]
+    known = [each for each in of_groups if each is not None]
+    if len(known) < len(of_groups):
+        return None
+    change, weight, noise = (np.concatenate(each) for each in zip(*known, strict=True))
+    whole = float(np.sum(weight))
+    mean = complex(np.sum(weight * change) / whole)
+    scatter = float(np.sum((weight * np.abs(change - mean)) ** 2)) / 2
+    scatter *= weight.size / max(weight.size - 1, 1)
+    return _Step(mean, max(scatter, correlation * float(np.sum(weight * noise))) / whole**2)
+
+
+def _of_positions(
+    fit: PoleFit, number: int, k: int, reach: float
+) -> tuple[Complex, Real, Real] | None:
+    """Change of a pole, weight and noise of each position of a group.
+
+    First order in the pole; residue, background and resonances close by are free.
+    """
+    part, rows, poles = fit.parts[number], fit.groups[number], fit.in_run(number)
+    near = np.abs(fit.lines.omega - poles[k].imag) < reach * -poles[k].real
+    free = _free_terms(poles, k, fit.lines.omega[near], reach)
+    n_left = free.shape[0] - free.shape[1]
+    if free.shape[0] < _LINES_PER_UNKNOWN * free.shape[1]:
+        return None
+    s = 1j * fit.lines.omega[near]
+    factor = s**2 * fit.lines.weight[near]
+    basis, triangle = np.linalg.qr(free * factor[:, None])
+    slope = factor / (s - poles[k]) ** 2
+    slope = slope - basis @ (basis.conj().T @ slope)
+    real, imag = np.split(part.misfit.T[:, np.tile(near, 2)], 2, axis=1)
+    left = real + 1j * imag
+    inside = left @ basis.conj()
+    left = left - inside @ basis.T
+    residues = fit.residues[rows, k] + np.linalg.solve(triangle, inside.T)[0]
+    scale = fit.lines.scale[rows]
+    power = float(np.sum(np.abs(slope) ** 2))
+    change = (left @ slope.conj()) / (power * residues)
+    left = left - np.outer(change * residues, slope)
+    noise = scale**2 * np.sum(np.abs(left) ** 2, axis=1) / (2 * n_left)
+    return change, power * np.abs(residues * scale) ** 2, noise
+
+
+def _free_terms(poles: Complex, k: int, omega: Real, reach: float) -> Complex:
+    """What each position has of its own, in columns: residues, background, poles close by."""
+    pole, real = poles[k], poles[:-N_STAND_INS]
+    close = np.abs(real.imag - pole.imag) < (reach + 1) * -pole.real
+    others = real[close & (real != pole)]
+    at = (omega - pole.imag) / -pole.real
+    terms = [1 / (1j * omega - pole), *(at**power + 0j for power in range(_BACKGROUND))]
+    terms += [(1j * omega - other) ** -power for other in others for power in (1, 2)]
+    return np.column_stack(terms)
