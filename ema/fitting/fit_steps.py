@@ -29,7 +29,7 @@ _STAYED = 1e-3
 _FLOOR = np.array([1e-5, 2e-4])
 # What an uneven tyre mixes into a mode from other orders, an amplitude, moves the members of its
 # pair by this share of it, in half-widths and in damping ratios: benchmarks/laboratory.py.
-_MIXED = np.array([0.15, 0.7])
+_MIXED = np.array([0.05, 0.03])
 # The same where several forces drive both members: benchmarks/references.py, "lab".
 _MIXED_JOINTLY = 0.02
 # The same for the mean of a pair, by the share of the power in other orders.
@@ -38,6 +38,9 @@ _IMPURE = np.array([0.4, 1.0])
 _SHARE_STD = 0.3
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
+# Members within a half-width, of which one is seen, move its frequency by this share of what their
+# damping usually differs by: shares of complex modes turn either into the other.
+_TURNED = 0.5
 
 
 def modes_of(
@@ -116,7 +119,7 @@ def as_seen(
         member = ring.one_row
         at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)
         if member is not None:
-            unsure = of_member + _to_mean(pair, member) ** 2
+            unsure = of_member + _to_mean(pair, member) ** 2 + _of_unlike(pair, settings) ** 2
         else:
             unsure = floor + _of_shares(pair) ** 2
             if ring.report.pair.chance < settings.pair_p_value:
@@ -241,6 +244,13 @@ def _to_mean(pair: PairFit, member: int) -> NDArray[np.float64]:
     apart_hz, width_hz = pair.numbers[2] - pair.numbers[0], pair.numbers[4] * pair.numbers[5]
     away = pair.numbers[4:] - pair.numbers[2 * member : 2 * member + 2]
     return np.asarray(away / (1 + (apart_hz / width_hz) ** 2))
+
+
+def _of_unlike(pair: PairFit, settings: IdentificationSettings) -> NDArray[np.float64]:
+    """What members damped unlike each other do to the frequency of the one seen (1 σ)."""
+    apart_hz, width_hz = pair.numbers[2] - pair.numbers[0], pair.numbers[4] * pair.numbers[5]
+    close = bool(apart_hz < width_hz)
+    return np.array([_TURNED * settings.pair_damping_likeness * width_hz * close, 0.0])
 
 
 def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
