@@ -195,7 +195,7 @@ def settled(curve: CurveFit) -> Settled:
         fit = _at(fit, poles)
         shown = _beside_pairs(curve, poles, apart, fit.locked) if apart else fit
     covariance = parameter_covariance(fit, curve.correlation)
-    both = frequency_damping_covariance(fit.poles, covariance)
+    both = frequency_damping_covariance(fit.poles, covariance) + np.diag(of_own_lines.ravel() ** 2)
     residues_std = residue_std(fit, covariance, curve.correlation)
     shifts, scatter = curve.sensitivity
     modes = _with_band_shift(modes_of(fit, both, residues_std), shifts[place])
@@ -203,7 +203,7 @@ def settled(curve: CurveFit) -> Settled:
         modes, both = with_model_error(modes, both, fit, scatter)
     drift = final_drift(curve, fit, covariance)
     unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, curve.correlation)
-    between = np.hypot(std_between_runs(fit, curve.correlation), np.hypot(unseen, of_own_lines))
+    between = np.hypot(std_between_runs(fit, curve.correlation), unseen)
     mixed = in_other_orders(fit, owner, residues_std, frf.position_deg, curve.settings)
     beside = beside_ring(modes, frf.position_deg, owner)
     if curve.circle and not curve.selection.pinned:

@@ -71,9 +71,9 @@ def on_own_lines(
         poles = fit.poles.copy()
         for k, step in steps.items():
             poles[k] += step.beyond_noise if step is not None else 0.0
-        far = np.abs(poles - start.poles) > _FARTHEST * -start.poles.real
+        far = [k for k in free if _is_far(poles[k] - start.poles[k], start.poles[k])]
         poles[far] = start.poles[far]
-        free = {k for k in free if poles[k] != fit.poles[k] and not far[k]}
+        free = {k for k in free if poles[k] != fit.poles[k] and k not in far}
         fit = evaluate(fit.lines, poles, fit.drift, fit.pairs, fit.locked)
         if not free:
             break
@@ -86,13 +86,18 @@ def on_own_lines(
 def _left_open(fit: PoleFit, k: int, moved: bool, correlation: float) -> Real:
     """Standard deviations from noise, where it moved, and from how many lines are its own."""
     pole, largest, noise = fit.poles[k], np.zeros(2), 0.0
-    for reach in (_REACH, 2 * _REACH):
-        step = _step(fit, k, reach, correlation)
-        if step is not None:
-            off = np.abs(_numbers(pole + step.beyond_noise) - _numbers(pole))
-            largest, noise = np.maximum(largest, off), max(noise, step.variance)
+    near, wide = (_step(fit, k, reach, correlation) for reach in (_REACH, 2 * _REACH))
+    if wide is not None and _is_far(wide.change, pole):
+        wide = None  # farther out there is more than a smooth background
+    for step in (each for each in (near, wide) if each is not None):
+        off = np.abs(_numbers(pole + step.beyond_noise) - _numbers(pole))
+        largest, noise = np.maximum(largest, off), max(noise, step.variance)
     own = np.sqrt(noise * moved) / np.array([2 * np.pi, abs(pole)])
     return np.asarray(np.hypot(largest, own))
+
+
+def _is_far(change: complex, pole: complex) -> bool:
+    return bool(abs(change) > _FARTHEST * -pole.real)
 
 
 def _numbers(pole: complex) -> Real:
