@@ -88,9 +88,8 @@ def with_states(drift: Drift, step: NDArray[np.floating], covariance: Real) -> D
 def drift_beside_pairs(search: PairSearch, orders: Sequence[RingOrder], p_value: float) -> Drift:
     """States of all runs with the pairs of orders in place, tested against chance."""
     shifts = _shifts_of(search, orders)
-    spread = shifts.spread()
-    chance = shifts.chance(spread)
-    states, covariance = shifts.states(spread)
+    chance = shifts.chance()
+    states, covariance = shifts.states(shifts.spread())
     n_runs = len(states)
     relative = np.kron(np.eye(n_runs)[1:] - np.eye(n_runs)[0], np.eye(N_DRIFT))
     drift = _tested(search.frf, search.fit, chance, p_value)
@@ -134,10 +133,11 @@ class _Shifts:
     law: Real  # what the numbers of a state shift, (2 n_orders, n_numbers)
     numbers: list[int]  # which of the state are told
 
-    def spread(self) -> Real:
+    def spread(self, *, alike: bool = False) -> Real:
         """Covariance of the shifts beside the law, with what single orders stray.
 
-        An order strays as it is seen to do, and no less than half of the orders.
+        An order strays as it is seen to do, and no less than half of the orders. Or all but the one
+        that strays most do so `alike`.
         """
         n_runs, n_shifts = self.away.shape
         noise = np.mean([np.diag(each) for each in self.noise], axis=0)
@@ -151,11 +151,21 @@ class _Shifts:
             beyond = np.mean((self.away - design @ found) ** 2, axis=0)
             beyond = beyond * (n_runs * n_shifts / left) - noise
             own = np.maximum(beyond.reshape(2, -1).mean(axis=0), 0.0)
-            stray = np.maximum(own, np.median(own))
+            most = np.arange(own.size) == np.argmax(own)
+            usual = np.where(most, own, np.mean(own[~most])) if own.size > 1 else own
+            stray = usual if alike else np.maximum(own, np.median(own))
         return np.asarray(self.noise + np.diag(np.tile(stray, 2)))
 
-    def chance(self, spread: Real) -> float:
-        """Probability of states that differ as much where all runs are in one state (F-test)."""
+    def chance(self) -> float:
+        """Probability of states that differ as much where all runs are in one state.
+
+        A law that is bent to the few orders that stray makes them look as if they kept to it. So
+        it has to be no chance where all orders stray alike, too.
+        """
+        return max(self._chance(self.spread(alike=alike)) for alike in (False, True))
+
+    def _chance(self, spread: Real) -> float:
+        """The same for shifts with a covariance (F-test)."""
         n_runs, n_shifts = self.away.shape
         tested = (n_runs - 1) * self.law.shape[1]
         left = (n_runs - 1) * n_shifts - tested
