@@ -38,9 +38,9 @@ _IMPURE = np.array([0.4, 1.0])
 _SHARE_STD = 0.3
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
-# Members within a half-width, of which one is seen, move its frequency by this share of what their
-# damping usually differs by: shares of complex modes turn either into the other.
-_TURNED = 0.5
+# Of members within a half-width, of which one is seen, the other bends its peak by their distance
+# times its amplitude; this share of it is not known: benchmarks/laboratory.py.
+_BENT = 0.2
 
 
 def modes_of(
@@ -119,7 +119,7 @@ def as_seen(
         member = ring.one_row
         at = slice(4, 6) if member is None else slice(2 * member, 2 * member + 2)
         if member is not None:
-            unsure = of_member + _to_mean(pair, member) ** 2 + _of_unlike(pair, settings) ** 2
+            unsure = of_member + _to_mean(pair, member) ** 2 + _of_bend(pair) ** 2
         else:
             unsure = floor + _of_shares(pair) ** 2
             if ring.report.pair.chance < settings.pair_p_value:
@@ -246,11 +246,16 @@ def _to_mean(pair: PairFit, member: int) -> NDArray[np.float64]:
     return np.asarray(away / (1 + (apart_hz / width_hz) ** 2))
 
 
-def _of_unlike(pair: PairFit, settings: IdentificationSettings) -> NDArray[np.float64]:
-    """What members damped unlike each other do to the frequency of the one seen (1 σ)."""
-    apart_hz, width_hz = pair.numbers[2] - pair.numbers[0], pair.numbers[4] * pair.numbers[5]
-    close = bool(apart_hz < width_hz)
-    return np.array([_TURNED * settings.pair_damping_likeness * width_hz * close, 0.0])
+def _of_bend(pair: PairFit) -> NDArray[np.float64]:
+    """What a member that hardly shows leaves open of the one within its half-width (1 σ).
+
+    Shares of complex modes turn a distance in frequency into one in damping, and back.
+    """
+    hz, ratio = pair.numbers[4:]
+    half_width = np.array([hz * ratio, ratio])
+    apart = (pair.numbers[2:4] - pair.numbers[:2]) / half_width
+    amplitude = np.sqrt(pair.share[0] * pair.share[1]) * (apart[0] < 1)
+    return np.asarray(_BENT * amplitude * np.hypot(*apart) * half_width)
 
 
 def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
