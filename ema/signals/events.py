@@ -81,7 +81,7 @@ def find_events(force: Channel, rate_hz: float) -> tuple[Event, ...]:
     rests = np.flatnonzero(np.diff(acts) * length > _REST_S * rate_hz)
     first, last = acts[np.r_[0, rests + 1]], acts[np.r_[rests, acts.size - 1]]
     bounds = zip((first * length).tolist(), ((last + 1) * length).tolist(), strict=True)
-    return tuple(_event(samples, start, stop, rate_hz) for start, stop in bounds)
+    return tuple(_event(samples[i:k] - middle, i, k, rate_hz) for i, k in bounds)
 
 
 def _ordered(values: NDArray[np.float64], share: float) -> float:
@@ -90,10 +90,10 @@ def _ordered(values: NDArray[np.float64], share: float) -> float:
     return float(np.partition(values, place)[place])
 
 
-def _event(samples: NDArray[np.float64], start: int, stop: int, rate_hz: float) -> Event:
+def _event(part: NDArray[np.float64], start: int, stop: int, rate_hz: float) -> Event:
+    """The hit or burst of a part of the force, which is 0 at rest."""
     if stop - start > _LONGEST_HIT_S * rate_hz:
         return Event(start, stop)
-    part = samples[start:stop] - np.median(samples)
     part = part * np.sign(part[np.argmax(np.abs(part))])  # a hammer only pushes
     above = np.flatnonzero(part > _BOUNCE * part.max())
     begins = np.r_[True, np.diff(above) > max(_BETWEEN_S * rate_hz, 1)]
