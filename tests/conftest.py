@@ -31,6 +31,14 @@ settings.load_profile("repeatable")
 SAMPLE = Path(__file__).parents[1] / "sample_data" / "tyre_225_55R17"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_wait_for_the_disk():
+    """Tests end by kills, not by a loss of power: what the system has taken is stored."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
+
+
 @pytest.fixture(scope="session")
 def identified_once(tmp_path_factory):
     """`identify_modes`, which does not identify the same modes twice, not even in two workers."""
@@ -53,13 +61,20 @@ def identified_once(tmp_path_factory):
 @pytest.fixture
 def modes_once(identified_once, monkeypatch):
     """For tests of what comes before and after the identification, which takes most of the time."""
-    monkeypatch.setattr("ema.identify_modes", identified_once)
+    monkeypatch.setattr("ema.identify_modes", identified_once)  # as `pipelines` calls it
+    monkeypatch.setattr("ema.identify.identify_modes", identified_once)  # as `ringmodal` finds it
 
 
-def processed(campaign, identified):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ema.identify_modes", identified)
-        return process(campaign)
+@pytest.fixture(scope="session")
+def process_once(identified_once):
+    """`process`, for results that tests share, whichever worker they are in."""
+
+    def processed(*arguments):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("ema.identify_modes", identified_once)
+            return process(*arguments)
+
+    return processed
 
 
 @pytest.fixture(scope="session")
@@ -75,8 +90,8 @@ def truth():
 
 
 @pytest.fixture(scope="session")
-def sample_result(identified_once):
-    return processed(SAMPLE, identified_once)
+def sample_result(process_once):
+    return process_once(SAMPLE)
 
 
 @pytest.fixture(scope="session")
@@ -119,8 +134,8 @@ def short_campaign(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def short_result(short_campaign, identified_once):
-    return processed(short_campaign, identified_once)
+def short_result(short_campaign, process_once):
+    return process_once(short_campaign)
 
 
 @pytest.fixture

@@ -31,6 +31,9 @@ FLIPPED = Edit(EditKind.FLIP, channel=ChannelName("A05", "config_2.uff"))
 OUT = Edit(EditKind.CHANNEL_OUT, channel=ChannelName("A07", "config_3.uff"))
 NARROW = Edit(EditKind.SETTINGS, settings={"band_hz": [40.0, 200.0], "estimator": "H2"})
 
+# What is identified of the same FRFs with the same decisions is the same: once is enough.
+pytestmark = pytest.mark.usefixtures("modes_once")
+
 FEW = Options(processing=Processing(band_hz=(60.0, 160.0)), tune=False)  # modes, to be quick
 
 
@@ -43,12 +46,12 @@ def short_folder(short_result, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def split(tmp_path_factory):
+def split(process_once, tmp_path_factory):
     """Campaign and result folder of a tyre whose pairs are split by 3 %."""
     place = tmp_path_factory.mktemp("split")
     options = {"duration_s": 8.0, "snr_db": 60.0, "split_percent": 3.0}
     campaign = simulate_campaign(place / "campaign", **options)
-    save(process(campaign, FEW), place / "result", report=False)
+    save(process_once(campaign, FEW), place / "result", report=False)
     return campaign, place / "result"
 
 

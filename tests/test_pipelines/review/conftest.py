@@ -5,7 +5,6 @@ from reviewing import copied, review
 
 import ringmodal as rm
 from ema.core.campaign import Processing
-from pipelines.process.run import process
 from pipelines.report.write import save
 from pipelines.results.options import Options
 
@@ -13,20 +12,22 @@ BAND_HZ = (60.0, 160.0)
 
 
 @pytest.fixture(scope="session")
-def reviewed_once(short_campaign, tmp_path_factory):
+def reviewed_once(short_campaign, process_once, tmp_path_factory):
     """The folder of a result with four modes; not to be changed."""
     folder = tmp_path_factory.mktemp("reviewed") / "result"
-    save(process(short_campaign, Options(Processing(band_hz=BAND_HZ))), folder, report=False)
+    result = process_once(short_campaign, Options(Processing(band_hz=BAND_HZ)))
+    save(result, folder, report=False)
     return folder
 
 
 @pytest.fixture(scope="session")
-def reviewed_of_two(tmp_path_factory):
+def reviewed_of_two(process_once, tmp_path_factory):
     """The folder of a result of two forces, at 0° and 22.5°; not to be changed."""
     place = tmp_path_factory.mktemp("two forces")
     kind = {"duration_s": 4.0, "snr_db": 40.0, "split_percent": 1.0, "force_deg": (0.0, 22.5)}
     campaign = rm.simulate_campaign(place / "campaign", at_once=True, **kind)
-    save(process(campaign, Options(Processing(band_hz=BAND_HZ))), place / "result", report=False)
+    result = process_once(campaign, Options(Processing(band_hz=BAND_HZ)))
+    save(result, place / "result", report=False)
     return place / "result"
 
 

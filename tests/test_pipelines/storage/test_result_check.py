@@ -27,7 +27,7 @@ from pipelines.results.store import load, write_identification
 from pipelines.storage.atomic import MARKER
 from pipelines.storage.checksums import OWN, write_marker
 
-TAMPERED = 200
+TAMPERED = 160
 SEED = 1
 FILES = (
     *("identification.json", "frf.parquet", "residues.parquet", "poles.parquet"),

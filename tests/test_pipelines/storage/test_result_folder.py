@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -73,7 +74,12 @@ class Stopper:
 
 @pytest.fixture
 def place(tmp_path):
-    return tmp_path / "results" / "result"
+    """In memory where a system has a folder for it: thousands of renames wait for a disk."""
+    memory = Path("/dev/shm")
+    if not os.access(memory, os.W_OK):
+        memory = tmp_path
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        yield Path(folder) / "results" / "result"
 
 
 def fill(folder, text):
