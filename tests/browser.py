@@ -34,6 +34,17 @@ SWITCHES = (
     f"--window-size={WIDE_PX},{HEIGHT_PX}",
 )
 
+# Opens what is folded and scrolls to each chart until it is drawn.
+UNFOLD = """
+const done = arguments[0], drawn = () => new Promise(requestAnimationFrame);
+(async () => {
+  document.querySelectorAll('details').forEach(each => each.open = true);
+  for (const plot of document.querySelectorAll('.plot')) {
+    plot.scrollIntoView();
+    while (!window.ringmodalCharts.includes(plot.id.slice(6))) await drawn();
+  }
+})().then(done)"""
+
 
 def demand(thing: object, name: str) -> None:
     """Skip where a tool for these tests is missing, or fail where it was promised."""
@@ -100,10 +111,7 @@ class Browser:
 
     def unfold(self) -> None:
         """Open what is folded, and have every chart drawn as by a reader who scrolls past it."""
-        self.js("document.querySelectorAll('details').forEach(each => each.open = true)")
-        for name in self.ids(".plot"):
-            self.js("document.getElementById(arguments[0]).scrollIntoView()", name)
-            self.wait("return window.ringmodalCharts.includes(arguments[0].slice(6))", name)
+        self.js_later(UNFOLD)
         self.settle()
 
     def js(self, script: str, *arguments: Any) -> Any:

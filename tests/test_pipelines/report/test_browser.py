@@ -244,8 +244,9 @@ def test_axe_finds_nothing_serious(page, width):
     page.show(width=width)
     page.unfold()
     assert page.violations() == []
-    page.show(width=width, scheme="dark")
-    assert page.violations("color-contrast") == []
+    if width == 1200:  # colours do not depend on the width
+        page.show(width=width, scheme="dark")
+        assert page.violations("color-contrast") == []
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
