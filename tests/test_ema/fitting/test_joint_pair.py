@@ -98,10 +98,15 @@ def test_equal_poles_give_both_shapes():
             assert abs(mode.damping_ratio / ratio - 1) < 0.01
 
 
-def test_each_force_has_the_residues_of_its_own():
+@pytest.fixture(scope="module")
+def two_forces():
     _, modes = truth(1.0)
     frfs = [frf_at(angle, modes) for angle in FORCES_DEG]
-    found = rm.identify_modes(frfs, band_hz=(60.0, 160.0))
+    return frfs, rm.identify_modes(frfs, band_hz=(60.0, 160.0))
+
+
+def test_each_force_has_the_residues_of_its_own(two_forces):
+    frfs, found = two_forces
     for frf, each in zip(frfs, found.references, strict=True):
         near = (frf.frequency_hz > 70) & (frf.frequency_hz < 155)
         fitted = each.model.synthesise(frf.frequency_hz[near])
@@ -118,13 +123,6 @@ def test_one_force_in_a_sequence_is_that_force():
 
 def poles_of(found):
     return [[mode.pole for mode in each.model.modes] for each in found.references]
-
-
-@pytest.fixture(scope="module")
-def two_forces():
-    _, modes = truth(1.0)
-    frfs = [frf_at(angle, modes) for angle in FORCES_DEG]
-    return frfs, rm.identify_modes(frfs, band_hz=(60.0, 160.0))
 
 
 def test_a_member_set_aside_is_missing_against_each_force(two_forces):

@@ -65,6 +65,25 @@ def test_each_order_by_itself_says_the_same(split):
         assert report.damping_std > 0
 
 
+@pytest.mark.parametrize(
+    ("split_percent", "verdict"), [(1.5, Pair.NOT_SEPARABLE), (4.0, Pair.RESOLVED)]
+)
+def test_members_damped_unlike_are_told_apart_where_each_has_a_peak(split_percent, verdict):
+    """Within a half-width, an error of the FRFs looks the same; the ± then hold both members."""
+    unlike = {"a": 1.1, "b": 0.9}
+    truth = [
+        replace(mode, damping_ratio=unlike.get(mode.member, 1.0) * mode.damping_ratio)
+        for mode in truth_modes(split_percent=split_percent)
+    ]
+    model = identify_modes(systems.campaign_frf(truth, 60), (130.0, 185.0)).model
+    modes = own(model, [4, 5])
+    assert {mode.pair for mode in modes} == {verdict}
+    for true in systems.of_orders(truth, (4, 5)):
+        mode = min(modes, key=lambda each: abs(each.frequency_hz - true.frequency_hz))
+        assert mode.order == true.order
+        assert abs(mode.damping_ratio - true.damping_ratio) < 2 * mode.damping_std
+
+
 @pytest.fixture(scope="module")
 def curve():
     """Of two poles as strong as each other, noise says which one stands for the order."""
