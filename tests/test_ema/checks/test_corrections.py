@@ -69,7 +69,7 @@ def test_the_identification_keeps_what_was_measured():
 
 def test_a_user_may_leave_all_sensors_as_they_are():
     frf = faulty()
-    found = identify_modes(frf, checks=CheckSettings(correct_sensors=False))
+    found = identify_modes(frf, (60.0, 160.0), checks=CheckSettings(correct_sensors=False))
     assert [each.row for each in found.corrections] == [10]
     np.testing.assert_array_equal(found.frf.values, np.delete(frf.values, 10, axis=0))
     named = {(f.position_deg, f.verdict) for f in found.findings if "correct_sensors" in f.detail}
