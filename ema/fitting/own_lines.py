@@ -21,7 +21,7 @@ from ema.fitting.variable_projection import Complex, Real
 _REACH = 3.0
 # Coefficients of the background, a polynomial of the frequency.
 _BACKGROUND = 3
-# Lines for each of the unknowns of a position, at least.
+# Independent lines for each of the unknowns of a position, at least.
 _LINES_PER_UNKNOWN = 3
 # A pole that moves by more than this many half-widths is no resonance of these lines: it stays.
 _FARTHEST = 0.5
@@ -109,7 +109,8 @@ def _step(fit: PoleFit, k: int, reach: float, correlation: float) -> _Step | Non
 
     Its variance is that of the positions around their mean, or of their lines if larger.
     """
-    of_groups = [_of_positions(fit, number, k, reach) for number in range(len(fit.parts))]
+    groups = range(len(fit.parts))
+    of_groups = [_of_positions(fit, number, k, reach, correlation) for number in groups]
     known = [each for each in of_groups if each is not None]
     if len(known) < len(of_groups):
         return None
@@ -122,7 +123,7 @@ def _step(fit: PoleFit, k: int, reach: float, correlation: float) -> _Step | Non
 
 
 def _of_positions(
-    fit: PoleFit, number: int, k: int, reach: float
+    fit: PoleFit, number: int, k: int, reach: float, correlation: float
 ) -> tuple[Complex, Real, Real] | None:
     """Change of a pole, weight and noise of each position of a group.
 
@@ -132,7 +133,7 @@ def _of_positions(
     near = np.abs(fit.lines.omega - poles[k].imag) < reach * -poles[k].real
     free = _free_terms(poles, k, fit.lines.omega[near], reach)
     n_left = free.shape[0] - free.shape[1]
-    if free.shape[0] < _LINES_PER_UNKNOWN * free.shape[1]:
+    if free.shape[0] < _LINES_PER_UNKNOWN * free.shape[1] * correlation:
         return None
     s = 1j * fit.lines.omega[near]
     factor = s**2 * fit.lines.weight[near]
