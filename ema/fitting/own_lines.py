@@ -23,6 +23,9 @@ _REACH = 3.0
 _BACKGROUND = 3
 # Independent lines for each of the unknowns of a position, at least.
 _LINES_PER_UNKNOWN = 3
+# What lines farther apart than its half-width leave open of a resonance, in half-widths: a rim's
+# mode 0.67 Hz wide on lines 0.74 Hz apart (benchmarks/laboratory.py).
+_COARSE = 0.1
 # A pole that moves by more than this many half-widths is no resonance of these lines: it stays.
 _FARTHEST = 0.5
 _ROUNDS = 3
@@ -92,8 +95,9 @@ def _left_open(fit: PoleFit, k: int, moved: bool, correlation: float) -> Real:
     for step in (each for each in (near, wide) if each is not None):
         off = np.abs(_numbers(pole + step.beyond_noise) - _numbers(pole))
         largest, noise = np.maximum(largest, off), max(noise, step.variance)
-    own = np.sqrt(noise * moved) / np.array([2 * np.pi, abs(pole)])
-    return np.asarray(np.hypot(largest, own))
+    coarse = -pole.real < fit.lines.omega[1] - fit.lines.omega[0]
+    variance = noise * moved + (_COARSE * pole.real) ** 2 * coarse
+    return np.asarray(np.hypot(largest, np.sqrt(variance) / np.array([2 * np.pi, abs(pole)])))
 
 
 def _is_far(change: complex, pole: complex) -> bool:

@@ -44,10 +44,10 @@ def test_every_band_gives_the_same_sharp_mode(structure):
         assert abs(mode.damping_ratio - 0.008) < min(0.00004, 3 * mode.damping_std)
 
 
-def weak_beside_strong(noise):
+def weak_beside_strong(noise, step_hz=0.1):
     """A weak mode at 60 Hz, and a strong one at 100 Hz that each sensor sees in its own state."""
     random = np.random.default_rng(8)
-    hz = np.arange(20.0, 160.0, 0.1)
+    hz = np.arange(20.0, 160.0, step_hz)
     poles = np.array([pole_of(60.0, 0.01), pole_of(100.0, 0.02)])
     weak = response(hz, poles[0], -0.004j * random.uniform(0.5, 1.5, 12))
     own = 100.0 * (1 + 0.004 * random.standard_normal(12))
@@ -86,3 +86,10 @@ def test_a_pole_without_a_resonance_stays():
     poles, std = on_own_lines(fit, np.array([0]), 1.0)
     assert poles[0] == far[0]
     assert std[0, 1] > 0.005
+
+
+def test_lines_farther_apart_than_the_half_width_leave_a_tenth_of_it_open():
+    _, fit = weak_beside_strong(noise=30.0, step_hz=1.0)
+    _, std = on_own_lines(fit, np.array([0]), 1.0)
+    assert std[0, 0] == pytest.approx(0.06, rel=0.1)
+    assert std[0, 1] == pytest.approx(0.001, rel=0.1)
