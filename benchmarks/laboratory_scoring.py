@@ -24,6 +24,8 @@ REACH = 0.01
 # … and to a mode of rim, sidewall or air, or to one cut by the band's end, up to this share or what
 # its 95 % interval says, but no further than to an order.
 OTHER_REACH = 0.005
+# A row that says the order is no other mode within this many of its standard deviations.
+SAID = 3.0
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,10 @@ def _is_near(row: Row, one: Order) -> bool:
 def _is_other(row: Row, one: Order, foreign: list[LaboratoryMode]) -> bool:
     """Whether another mode of the tyre is much nearer than the order, or near and of its order."""
     own = min(abs(row.frequency_hz - m.frequency_hz) for m in one.members)
-    if row.order != one.members[0].order:
+    says_so = row.order == one.members[0].order
+    if says_so and own < SAID * row.frequency_std_hz:
+        return False
+    if not says_so:
         of_row = [m.frequency_hz for m in foreign if m.order == row.order]
         if any(abs(row.frequency_hz / hz - 1) < _reach(row) for hz in of_row):
             return True
