@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
+from ema.fitting.ring_pair import numbers_of
 from ema.fitting.variable_projection import Complex, Real
 
 # Half-widths on either side whose lines count, and twice as many to see what that choice does:
@@ -76,10 +77,10 @@ def on_own_lines(
             poles[k] += step.beyond_noise if step is not None else 0.0
         far = [k for k in free if _is_far(poles[k] - start.poles[k], start.poles[k])]
         poles[far] = start.poles[far]
+        if np.array_equal(poles, fit.poles):
+            break
         free = {k for k in free if poles[k] != fit.poles[k] and k not in far}
         fit = evaluate(fit.lines, poles, fit.drift, fit.pairs, fit.locked)
-        if not free:
-            break
     std = np.zeros((fit.poles.size, 2))
     for k in chosen:
         std[k] = _left_open(fit, int(k), bool(fit.poles[k] != start.poles[k]), correlation)
@@ -93,8 +94,8 @@ def _left_open(fit: PoleFit, k: int, moved: bool, correlation: float) -> Real:
     if wide is not None and _is_far(wide.change, pole):
         wide = None  # farther out there is more than a smooth background
     for step in (each for each in (near, wide) if each is not None):
-        off = np.abs(_numbers(pole + step.beyond_noise) - _numbers(pole))
-        largest, noise = np.maximum(largest, off), max(noise, step.variance)
+        there, here = numbers_of(np.array([pole + step.beyond_noise, pole])).reshape(2, 2)
+        largest, noise = np.maximum(largest, np.abs(there - here)), max(noise, step.variance)
     coarse = -pole.real < fit.lines.omega[1] - fit.lines.omega[0]
     variance = noise * moved + (_COARSE * pole.real) ** 2 * coarse
     return np.asarray(np.hypot(largest, np.sqrt(variance) / np.array([2 * np.pi, abs(pole)])))
@@ -102,10 +103,6 @@ def _left_open(fit: PoleFit, k: int, moved: bool, correlation: float) -> Real:
 
 def _is_far(change: complex, pole: complex) -> bool:
     return bool(abs(change) > _FARTHEST * -pole.real)
-
-
-def _numbers(pole: complex) -> Real:
-    return np.array([abs(pole) / (2 * np.pi), -pole.real / abs(pole)])
 
 
 def _step(fit: PoleFit, k: int, reach: float, correlation: float) -> _Step | None:

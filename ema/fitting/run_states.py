@@ -88,8 +88,9 @@ def with_states(drift: Drift, step: NDArray[np.floating], covariance: Real) -> D
 def drift_beside_pairs(search: PairSearch, orders: Sequence[RingOrder], p_value: float) -> Drift:
     """States of all runs with the pairs of orders in place, tested against chance."""
     shifts = _shifts_of(search, orders)
-    chance = shifts.chance()
-    states, covariance = shifts.states(shifts.spread())
+    spread = shifts.spread()
+    chance = shifts.chance(spread)
+    states, covariance = shifts.states(spread)
     n_runs = len(states)
     relative = np.kron(np.eye(n_runs)[1:] - np.eye(n_runs)[0], np.eye(N_DRIFT))
     drift = _tested(search.frf, search.fit, chance, p_value)
@@ -156,13 +157,13 @@ class _Shifts:
             stray = usual if alike else np.maximum(own, np.median(own))
         return np.asarray(self.noise + np.diag(np.tile(stray, 2)))
 
-    def chance(self) -> float:
+    def chance(self, spread: Real) -> float:
         """Probability of states that differ as much where all runs are in one state.
 
         A law that is bent to the few orders that stray makes them look as if they kept to it. So
         it has to be no chance where all orders stray alike, too.
         """
-        return max(self._chance(self.spread(alike=alike)) for alike in (False, True))
+        return max(map(self._chance, (spread, self.spread(alike=True))))
 
     def _chance(self, spread: Real) -> float:
         """The same for shifts with a covariance (F-test)."""

@@ -41,12 +41,16 @@ def shifts(of_frequency, drift_percent=0.0):
     return _Shifts(away, noise, law, [0, 1, 2, 3])
 
 
+def chance_of(found):
+    return found.chance(found.spread())
+
+
 def test_orders_that_stray_one_by_one_are_no_drift():
-    assert shifts(STRAYS).chance() > 0.01
+    assert chance_of(shifts(STRAYS)) > 0.01
 
 
 def test_a_drift_is_seen_beside_orders_that_stray():
-    assert shifts(STRAYS, drift_percent=0.1).chance() < IDENTIFICATION.drift_p_value
+    assert chance_of(shifts(STRAYS, drift_percent=0.1)) < IDENTIFICATION.drift_p_value
 
 
 def test_a_drift_is_seen_beside_one_order_that_strays_far():
@@ -54,4 +58,4 @@ def test_a_drift_is_seen_beside_one_order_that_strays_far():
     for _ in range(20):
         strays = 0.003 * random.standard_normal((N_RUNS, HZ.size))
         strays[:, 4] *= 20
-        assert shifts(strays, drift_percent=0.05).chance() < IDENTIFICATION.drift_p_value
+        assert chance_of(shifts(strays, drift_percent=0.05)) < IDENTIFICATION.drift_p_value
