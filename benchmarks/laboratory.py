@@ -22,9 +22,11 @@ from laboratory_scoring import Match, Order, Row, Score, orders_of, score
 
 import ema
 from ema.checks.sensor_mass import sensors_of_runs, without_mass
+from ema.checks.steady_runs import without_changes_within_runs
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF
+from ema.signals.steadiness import steadiness_of
 from pipelines.simulate.laboratory import Laboratory, LaboratoryMode
 from pipelines.simulate.laboratory_effects import Effects
 
@@ -161,6 +163,9 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
     except (FitError, InputError) as error:
         result.error = str(error)
     else:
+        result.seconds = time.perf_counter() - start
+        steadiness = steadiness_of(campaign.runs, found.frf, found.model)
+        model = without_changes_within_runs(found.model, steadiness)
         rows = [
             Row(
                 mode.frequency_hz,
@@ -170,7 +175,7 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
                 mode.order,
                 mode.doubtful,
             )
-            for mode in found.model.modes
+            for mode in model.modes
         ]
         result.ours = score(truth, rows, BAND_HZ)
         result.warnings = sum(not finding.is_ok for finding in found.findings)
@@ -178,7 +183,6 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
             result.touched = touched(campaign, frf, found, faulty)
         named = {finding.channel for finding in found.findings if not finding.is_ok}
         result.faulty, result.named = len(faulty), len(faulty & named)
-    result.seconds = time.perf_counter() - start
     result.listed = complaints(result.ours)
     if toolbox:
         mean = mean_modes(laboratory)

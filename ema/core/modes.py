@@ -241,6 +241,9 @@ class ModalModel(ReadonlyArrays):
         Verdict on the pair of each order of the ring, and what the order says by itself.
     exponential_window : ExponentialWindow or None
         Window that the analyser applied, whose damping the modes do not have.
+    widened_per_s : ndarray, shape (n_modes,)
+        Decay rates that changes within the runs seem to add, which `modes` do not have; empty
+        where there are none.
     notes : tuple of str
         What was assumed, dropped or reached a bound, in words.
 
@@ -271,6 +274,7 @@ class ModalModel(ReadonlyArrays):
     drift: Drift = NO_DRIFT
     orders: tuple[OrderReport, ...] = ()
     exponential_window: ExponentialWindow | None = None
+    widened_per_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     axis: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
 
@@ -313,14 +317,21 @@ class ModalModel(ReadonlyArrays):
     def poles_and_residues(
         self, *, as_measured: bool = False
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Poles and residues, (n_positions, n_modes), of all modes, with or without the window."""
+        """Poles and residues, (n_positions, n_modes), of all modes.
+
+        As measured, they have the damping that a window and changes within the runs add.
+        """
         everything = self.modes + self.guard_modes
         poles = np.array([mode.pole for mode in everything])
         residues = np.stack([mode.residues for mode in everything], axis=1)
-        if self.exponential_window is None or not as_measured:
+        if not as_measured:
             return poles, residues
-        seen = np.asarray(poles - self.exponential_window.decay_per_s, dtype=complex)
-        return seen, residues * (poles / seen) ** 2
+        seen: NDArray[np.complex128] = poles.astype(complex)
+        seen[: self.widened_per_s.size] -= self.widened_per_s
+        if self.exponential_window is None:
+            return seen, residues
+        windowed = np.asarray(seen - self.exponential_window.decay_per_s, dtype=complex)
+        return windowed, residues * (seen / windowed) ** 2
 
     @property
     def columns(self) -> dict[str, str]:

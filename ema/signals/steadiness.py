@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import stdtr
 
 from ema.core.campaign import Response, Run
-from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf import FRF
 from ema.core.modes import ModalModel
 from ema.core.numerics import available_threads
@@ -32,7 +31,7 @@ _SENSORS, _FEWEST_SENSORS = 6, 2
 _PER_BANDWIDTH = 96
 _SAMPLES_OF_ALL = 1 << 20
 # Length of a piece: a few time constants of a mode.
-_PIECE_S = 0.25
+PIECE_S = 0.25
 # What happened before the recording is unknown; it has rung out after this time.
 _SETTLING_S = 0.5
 # Samples of a channel that are looked at, from its start.
@@ -63,6 +62,19 @@ class Estimate:
         """Probability of a change as large by chance."""
         return float(2 * stdtr(self.freedom, -abs(self.value) / max(self.std, 1e-300)))
 
+    def is_clear(self, settings: CheckSettings) -> bool:
+        """Whether the change is more than chance."""
+        return self.p_value < settings.steadiness_p_value
+
+
+@dataclass(frozen=True)
+class ModeChange:
+    """Relative change of one mode, or of some that overlap, from the start of a run to its end."""
+
+    frequency_hz: float
+    value: float
+    std: float
+
 
 @dataclass(frozen=True)
 class Steadiness:
@@ -71,49 +83,24 @@ class Steadiness:
     run: str
     over_time: Estimate  # change from its start to its end
     over_level: Estimate | None  # if the level doubles; None for a sweep: one mode after the other
+    of_modes: tuple[ModeChange, ...] = ()  # where the change is no chance
 
 
-def steadiness_of(runs: Sequence[Run], frf: FRF, model: ModalModel) -> list[Steadiness]:
+def steadiness_of(
+    runs: Sequence[Run], frf: FRF, model: ModalModel, settings: CheckSettings = CHECKS
+) -> list[Steadiness]:
     """What each run shows, where something can be said.
 
     `frf` are the FRFs that the modes were fitted to; its rows are those of `model`.
     """
     with ThreadPoolExecutor(available_threads()) as pool:  # transforms let other threads work
-        found = pool.map(lambda run: run_steadiness(run, frf, model), runs)
+        found = pool.map(lambda run: run_steadiness(run, frf, model, settings), runs)
         return [each for each in found if each is not None]
 
 
-def steadiness_findings(
-    found: Sequence[Steadiness], model: ModalModel, settings: CheckSettings = CHECKS
-) -> list[Finding]:
-    """Findings about changes within each run, and about the dependence on level."""
-    findings = [_within_run(each, model, settings) for each in found]
-    levels = [each.over_level for each in found if each.over_level is not None]
-    return findings + ([_level(levels, settings)] if levels else [])
-
-
-def with_changes_within_runs(
-    model: ModalModel, found: Sequence[Steadiness], settings: CheckSettings = CHECKS
-) -> ModalModel:
-    """The model with what changes within the runs add to the damping ratios in their ±."""
-    changes = [each.over_time for each in found]
-    added = [
-        _added_damping(each.value, model) * (each.p_value < settings.steadiness_p_value)
-        for each in changes
-    ]
-    if not np.any(added):
-        return model
-    std = np.mean(added, axis=0) * model.damping_ratios
-    covariance = np.array(model.covariance)
-    covariance[np.diag_indices_from(covariance)] += np.ravel([(0.0, each**2) for each in std])
-    modes = [
-        replace(mode, damping_std=float(np.hypot(mode.damping_std, each)))
-        for mode, each in zip(model.modes, std, strict=True)
-    ]
-    return replace(model, modes=tuple(modes), covariance=covariance)
-
-
-def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
+def run_steadiness(
+    run: Run, frf: FRF, model: ModalModel, settings: CheckSettings = CHECKS
+) -> Steadiness | None:
     """Change of the frequencies within one run; None where nothing can be said.
 
     Of several forces at the same time, the FRF against one does not predict the response.
@@ -123,72 +110,123 @@ def run_steadiness(run: Run, frf: FRF, model: ModalModel) -> Steadiness | None:
     rate = run.recording.sampling_rate_hz
     n = min(run.recording.n_samples, _MOST_SAMPLES)
     first, last = (int(f * n / rate) for f in model.band_hz)
-    last = min(last, n // 2)
-    step = max(round(_PIECE_S * (last - first) * rate / n), 1)
-    n_pieces = (last - first) // step
-    force = _spectrum(run.force, n)[first:last]
+    lines = slice(first, min(last, n // 2))
+    force = _spectrum(run.force, n)[lines]
     sensors = _sensors(run, frf, max(_SAMPLES_OF_ALL // n, _FEWEST_SENSORS))
+    step = max(round(PIECE_S * (lines.stop - first) * rate / n), 1)
+    n_pieces = (lines.stop - first) // step
     if not np.all(np.isfinite(force)) or n_pieces < _FEWEST_PIECES or not sensors:
         return None
-    omega = 2 * np.pi * np.arange(first, last) * rate / n
+    omega = 2 * np.pi * np.arange(first, lines.stop) * rate / n
     rows = np.array([row for _, row in sensors])
-    expected, slope = (part * force for part in _on_all_lines(model, run.name, rows, omega))
-    smoothing = max(int(_SMOOTHING_HZ * n / rate), 1)
-    steady = max(int(_STEADY_HZ * n / rate), _STEADY_LINES)
-    pieces = _Pieces(n_pieces, step, force, steady)
-    for (sensor, _), own, moved in zip(sensors, expected, slope, strict=True):
-        power = DERIVATIVES.get(sensor.channel.quantity, 0)
-        seen = _spectrum(sensor.channel, n)[first:last]
-        seen = seen * (1j * omega) ** power if power else seen
-        pieces.add(seen, own, moved, smoothing)
-    time = np.asarray((np.arange(n_pieces) + 0.5) * _PIECE_S)
-    over_time, over_level = _regression(pieces, time, n / rate) or (None, None)
+    seen = np.array([_as_acceleration(each.channel, n, lines, omega) for each, _ in sensors])
+    predicted = _Predicted(model, run.name, rows, omega)
+    pieces = _Pieces(n_pieces, step, force, n / rate, seen, predicted.values)
+    over_time, over_level = pieces.changes(predicted.slope()) or (None, None)
     if over_time is None:
         return None
-    return Steadiness(run.name, over_time, None if _sweeps(force, n_pieces, step) else over_level)
+    of_modes = _changes_of_modes(pieces, predicted) if over_time.is_clear(settings) else ()
+    sweeps = _sweeps(force, n_pieces, step)
+    return Steadiness(run.name, over_time, None if sweeps else over_level, of_modes)
+
+
+def _changes_of_modes(pieces: _Pieces, predicted: _Predicted) -> tuple[ModeChange, ...]:
+    """What each mode does by itself; modes that overlap do it together."""
+    found = []
+    for group in _overlapping(predicted.model):
+        own = pieces.changes(predicted.slope(group))
+        if own is not None:
+            hz = float(predicted.model.frequencies_hz[group].mean())
+            found.append(ModeChange(hz, own[0].value, own[0].std))
+    return tuple(found)
+
+
+def _overlapping(model: ModalModel) -> list[NDArray[np.int_]]:
+    """The modes, together where their half-power bandwidths touch."""
+    poles = np.array([mode.pole for mode in model.modes])
+    along = np.argsort(poles.imag)
+    apart = np.diff(poles.imag[along]) > -(poles.real[along][1:] + poles.real[along][:-1])
+    return np.split(along, np.flatnonzero(apart) + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sensor:
+    """What a sensor differs by from its prediction, over time, where its noise is even."""
+
+    row: int  # among the sensors of the run
+    gain: float  # of what it sees against what is predicted
+    noise: NDArray[np.float64]
+    rest: NDArray[np.complex128]  # (n_pieces, step), in units of the noise
 
 
 class _Pieces:
-    """Sums over the sensors of a run, piece by piece."""
+    """The sensors of a run, piece by piece, unless the modes do not explain what they show."""
 
     def __init__(
-        self, n_pieces: int, step: int, force: NDArray[np.complex128], steady_lines: int
-    ) -> None:
-        self.n_samples, self.shape = n_pieces * step, (n_pieces, step)
-        self.force, self.steady_lines = force, steady_lines
-        power = uniform_filter1d(_squared(force), steady_lines, mode="nearest")
-        self.force_power = np.maximum(power, 1e-300)
-        self.projected, self.weight, self.power = np.zeros((3, n_pieces))
-
-    def add(
         self,
+        n_pieces: int,
+        step: int,
+        force: NDArray[np.complex128],
+        duration_s: float,
         seen: NDArray[np.complex128],
-        expected: NDArray[np.complex128],
-        moved: NDArray[np.complex128],
-        smoothing: int,
+        values: NDArray[np.complex128],
     ) -> None:
-        """Add a sensor, unless the modes do not explain what it shows."""
+        self.shape, self.force, self.duration_s = (n_pieces, step), force, duration_s
+        self._steady_lines = max(int(_STEADY_HZ * duration_s), _STEADY_LINES)
+        power = uniform_filter1d(_squared(force), self._steady_lines, mode="nearest")
+        self._force_power = np.maximum(power, 1e-300)
+        self._sensors: list[_Sensor] = []
+        self._power = np.zeros(n_pieces)
+        for row, (own, frf) in enumerate(zip(seen, values, strict=True)):
+            self._add(row, own, frf * force)
+
+    def _add(
+        self, row: int, seen: NDArray[np.complex128], expected: NDArray[np.complex128]
+    ) -> None:
         own = max(float(np.vdot(expected, expected).real), 1e-300)
         gain = float(np.vdot(expected, seen).real) / own
         rest = self._unsteady(seen - gain * expected)
         left, there = _squared(rest), float(np.vdot(seen, seen).real)
         if not np.isfinite(there) or not left.sum() < _UNEXPLAINED * there:
             return
+        smoothing = max(int(_SMOOTHING_HZ * self.duration_s), 1)
         noise = np.sqrt(uniform_filter1d(left, smoothing, mode="nearest"))
         noise = np.maximum(noise, 1e-12 * np.sqrt(_squared(seen).max()))
-        rest, moved = self._over_time(rest / noise), self._over_time(gain * moved / noise)
-        self.projected += np.sum((moved.conj() * rest).real, axis=1)
-        self.weight += np.sum(_squared(moved), axis=1)
-        self.power += np.sum(_squared(self._over_time(seen)), axis=1) / there
+        self._sensors.append(_Sensor(row, gain, noise, self._over_time(rest / noise)))
+        self._power += np.sum(_squared(self._over_time(seen)), axis=1) / there
 
     def _unsteady(self, rest: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Of what the modes do not explain, what no smooth transfer function explains either."""
         crossed = rest * self.force.conj()
-        crossed = uniform_filter1d(crossed, self.steady_lines, mode="nearest")
-        return np.asarray(rest - self.force * crossed / self.force_power)
+        crossed = uniform_filter1d(crossed, self._steady_lines, mode="nearest")
+        return np.asarray(rest - self.force * crossed / self._force_power)
 
     def _over_time(self, spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return np.asarray(ifft(spectrum)[: self.n_samples].reshape(self.shape))
+        return np.asarray(ifft(spectrum)[: self.shape[0] * self.shape[1]].reshape(self.shape))
+
+    def changes(self, slope: NDArray[np.complex128]) -> tuple[Estimate, Estimate] | None:
+        """Change over time and level of what has these derivatives, (n_sensors, n_lines).
+
+        A line through δ over time and level, with a standard deviation from the scatter (HC3).
+        """
+        projected, weight = np.zeros((2, self.shape[0]))
+        for each in self._sensors:
+            moved = self._over_time(each.gain * slope[each.row] * self.force / each.noise)
+            projected += np.sum((moved.conj() * each.rest).real, axis=1)
+            weight += np.sum(_squared(moved), axis=1)
+        time, level = (np.arange(self.shape[0]) + 0.5) * PIECE_S, np.sqrt(self._power)
+        usable = (time > _SETTLING_S) & (weight > 0)
+        if np.count_nonzero(usable) < _FEWEST_PIECES:
+            return None
+        weight = weight[usable]
+        delta = projected[usable] / weight
+        level = level[usable] / np.average(level[usable], weights=weight) - 1
+        columns = [np.ones(weight.size), time[usable] / self.duration_s - 0.5, level]
+        found, std = _line(np.column_stack(columns), delta, weight)
+        # Where few pieces hold all the power, they are few values.
+        freedom = float(max(weight.sum() ** 2 / np.sum(weight**2) - 3, 1.0))
+        over_time, over_level = (Estimate(found[k], std[k], freedom) for k in (1, 2))
+        return over_time, over_level
 
 
 def _squared(values: NDArray[np.complex128]) -> NDArray[np.float64]:
@@ -227,42 +265,58 @@ def _spectrum(channel: Channel, n_samples: int) -> NDArray[np.complex128]:
     return np.asarray(rfft(samples - samples.mean()))
 
 
-def _on_all_lines(
-    model: ModalModel, run: str, rows: NDArray[np.int_], omega: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """As `_response`, which is computed as closely as its sharpest resonance needs."""
-    poles, _ = model.poles_and_residues(as_measured=True)
-    sharpest = 2 * float(np.min(-poles.real, initial=np.inf))
-    step = int(min(sharpest / _PER_BANDWIDTH / (omega[1] - omega[0]), omega.size))
-    if step < 2:
-        return _response(model, run, rows, omega)
-    coarse = np.append(omega[:-1:step], omega[-1])
-    values, slopes = (
-        np.array([np.interp(omega, coarse, row) for row in part])
-        for part in _response(model, run, rows, coarse)
-    )
-    return values, slopes
+def _as_acceleration(
+    channel: Channel, n_samples: int, lines: slice, omega: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    seen, power = _spectrum(channel, n_samples)[lines], DERIVATIVES.get(channel.quantity, 0)
+    return np.asarray(seen * (1j * omega) ** power if power else seen)
 
 
-def _response(
-    model: ModalModel, run: str, rows: NDArray[np.int_], omega: NDArray[np.float64]
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """FRFs of some rows in the state of a run, and their derivative to a common change."""
-    poles, residues = model.poles_and_residues(as_measured=True)
-    poles, residues = model.drift.poles_in(run, poles), residues[rows]
-    # R/(jω − s) and its mirror image have one denominator and a real numerator in jω.
-    both = 1 / ((1j * omega - poles[:, None]) * (1j * omega - poles[:, None].conj()))
-    terms, turned = model.residual_terms, residues * poles.conj()
-    constant, linear = _real_sums(both, turned.real, residues.real)
-    modal = 2 * (1j * omega * linear - constant)
-    values = -(omega**2) * (modal + terms.upper[rows, None]) + terms.lower[rows, None]
-    listed = slice(len(model.modes))
-    own, residues, both = poles[listed], residues[:, listed], both[listed]
-    size = np.abs(own) ** 2
-    parts = size * turned[:, listed].real, size * residues.real, (own * residues).real
-    constant, linear, square = _real_sums(both**2, *parts)
-    slope = 2 * (constant - 2j * omega * linear - omega**2 * square)
-    return values, -(omega**2) * slope
+class _Predicted:
+    """FRFs of some rows in the state of a run, and their derivative to a change of modes.
+
+    They are computed as closely as the sharpest resonance needs.
+    """
+
+    def __init__(
+        self, model: ModalModel, run: str, rows: NDArray[np.int_], omega: NDArray[np.float64]
+    ) -> None:
+        poles, residues = model.poles_and_residues(as_measured=True)
+        self.model, self.rows, self.omega = model, rows, omega
+        self.poles, self.residues = model.drift.poles_in(run, poles), residues[rows]
+        sharpest = 2 * float(np.min(-poles.real, initial=np.inf))
+        step = int(min(sharpest / _PER_BANDWIDTH / (omega[1] - omega[0]), omega.size))
+        self._coarse = omega if step < 2 else np.append(omega[:-1:step], omega[-1])
+
+    @property
+    def values(self) -> NDArray[np.complex128]:
+        """Inertances, (n_rows, n_lines)."""
+        # R/(jω − s) and its mirror image have one denominator and a real numerator in jω.
+        turned = self.residues * self.poles.conj()
+        parts = turned.real, self.residues.real
+        constant, linear = _real_sums(self._both(slice(None)), *parts)
+        terms, omega = self.model.residual_terms, self._coarse
+        modal = 2 * (1j * omega * linear - constant) + terms.upper[self.rows, None]
+        return self._on_all_lines(-(omega**2) * modal + terms.lower[self.rows, None])
+
+    def slope(self, modes: NDArray[np.int_] | slice | None = None) -> NDArray[np.complex128]:
+        """Derivative to a common relative change of some poles, by default all that are listed."""
+        modes = slice(len(self.model.modes)) if modes is None else modes
+        own, residues, omega = self.poles[modes], self.residues[:, modes], self._coarse
+        size = np.abs(own) ** 2
+        parts = size * (residues * own.conj()).real, size * residues.real, (own * residues).real
+        constant, linear, square = _real_sums(self._both(modes) ** 2, *parts)
+        slope = 2 * (constant - 2j * omega * linear - omega**2 * square)
+        return self._on_all_lines(-(omega**2) * slope)
+
+    def _both(self, modes: NDArray[np.int_] | slice) -> NDArray[np.complex128]:
+        own, s = self.poles[modes, None], 1j * self._coarse
+        return np.asarray(1 / ((s - own) * (s - own.conj())))
+
+    def _on_all_lines(self, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        if self._coarse is self.omega:
+            return values
+        return np.array([np.interp(self.omega, self._coarse, row) for row in values])
 
 
 def _real_sums(
@@ -272,77 +326,14 @@ def _real_sums(
     return [(each @ functions.view(float)).view(complex) for each in factors]
 
 
-def _regression(
-    pieces: _Pieces, time: NDArray[np.float64], duration_s: float
-) -> tuple[Estimate, Estimate] | None:
-    """Line through δ over time and level, with a standard deviation from the scatter (HC3)."""
-    level = np.sqrt(pieces.power)
-    usable = (time > _SETTLING_S) & (pieces.weight > 0)
-    if np.count_nonzero(usable) < _FEWEST_PIECES:
-        return None
-    weight = pieces.weight[usable]
-    delta = pieces.projected[usable] / weight
-    level = level[usable] / np.average(level[usable], weights=weight) - 1
-    columns = np.column_stack([np.ones(weight.size), time[usable] / duration_s - 0.5, level])
+def _line(
+    columns: NDArray[np.float64], values: NDArray[np.float64], weight: NDArray[np.float64]
+) -> tuple[list[float], list[float]]:
+    """Weighted fit of columns, and standard deviations from the scatter (HC3)."""
     inverse = np.linalg.pinv(columns.T @ (weight[:, None] * columns))
-    found = inverse @ columns.T @ (weight * delta)
+    found = inverse @ columns.T @ (weight * values)
     leverage = weight * np.einsum("ka,ab,kb->k", columns, inverse, columns)
-    rest = weight * (delta - columns @ found) / np.maximum(1 - leverage, 0.1)
+    rest = weight * (values - columns @ found) / np.maximum(1 - leverage, 0.1)
     score = columns * rest[:, None]
     std = np.sqrt(np.diag(inverse @ score.T @ score @ inverse))
-    # Where few pieces hold all the power, they are few values.
-    freedom = float(max(weight.sum() ** 2 / np.sum(weight**2) - 3, 1.0))
-    over_time, over_level = (Estimate(float(found[k]), float(std[k]), freedom) for k in (1, 2))
-    return over_time, over_level
-
-
-def _within_run(seen: Steadiness, model: ModalModel, settings: CheckSettings) -> Finding:
-    found, verdict = seen.over_time, Verdict.OK
-    detail = (
-        f"natural frequencies {100 * found.value:+.3f} ± {100 * found.std:.3f} % from start to end"
-    )
-    if found.p_value < settings.steadiness_p_value:
-        broader = _added_damping(found.value, model)
-        mode = model.modes[int(np.argmax(broader))]
-        detail += (
-            f"; modes are averages over the run, and damping ratios up to {100 * broader.max():.2g}"
-            f" % of their value too high (at {mode.frequency_hz:.0f} Hz)"
-        )
-        if abs(found.value) >= settings.steady_change:
-            verdict = Verdict.WARNING
-            detail += ". Let the tyre settle (temperature, pressure), or record less at a time"
-    else:
-        detail += "; no more than chance"
-    return Finding(seen.run, "", None, Check.WITHIN_RUN, verdict, detail)
-
-
-def _added_damping(change: float, model: ModalModel) -> NDArray[np.float64]:
-    """Relative error of each damping ratio if frequencies change evenly by a share in a run.
-
-    The mean of 1/(jω − s) over s with variance v is 1/(jω − s) − v/(jω − s)³, to which one pole
-    fits best (least squares over all lines) with a decay rate larger by v/σ; v = (ω change)²/12.
-    """
-    return np.asarray(change**2 / (12 * model.damping_ratios**2))
-
-
-def _level(found: Sequence[Estimate], settings: CheckSettings) -> Finding:
-    """Dependence on level, of all runs together."""
-    value, std = np.array([(each.value, each.std) for each in found]).T
-    weight = 1 / np.maximum(std, 1e-12) ** 2
-    mean = float(np.average(value, weights=weight))
-    # Runs that differ by more than their own ± count by how they differ.
-    spread = float(np.sum(weight * (value - mean) ** 2)) / max(len(found) - 1, 1)
-    error = float(np.sqrt(max(1.0, spread) / weight.sum()))
-    p_value = Estimate(mean, error, sum(each.freedom for each in found)).p_value
-    verdict = Verdict.OK
-    detail = f"natural frequencies {100 * mean:+.3f} ± {100 * error:.3f} % where the level doubles"
-    if not p_value < settings.steadiness_p_value:
-        detail += "; no more than chance"
-    elif abs(mean) >= settings.steady_change / 2:
-        verdict, softer = Verdict.WARNING, "softer" if mean < 0 else "stiffer"
-        detail += (
-            f" for {_PIECE_S:g} s, and more where it stays high: the tyre is {softer} at higher "
-            "level. Modes hold for the level of this test, and damping ratios are too high; "
-            "compare with a test at another level"
-        )
-    return Finding("", "", None, Check.LEVEL_DEPENDENCE, verdict, detail)
+    return found.tolist(), std.tolist()

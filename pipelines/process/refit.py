@@ -21,6 +21,7 @@ from ema.checks.quality import (
 )
 from ema.checks.ring_shapes import drive_point_finding
 from ema.checks.sensor_mass import SensorMass
+from ema.checks.steady_runs import steadiness_findings, without_changes_within_runs
 from ema.core.edits import Edit, EditKind, of_kind
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Check, Finding
@@ -31,7 +32,6 @@ from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.identify import Identification
 from ema.refit import EditCost, edit_cost, refit_modes
 from ema.signals.frf_of_spectra import restated
-from ema.signals.steadiness import steadiness_findings, with_changes_within_runs
 from pipelines.process.ring import options_of, tune
 from pipelines.results.edits_file import Record, read_edits
 from pipelines.results.provenance import Stopwatch, made_now
@@ -102,7 +102,7 @@ def with_modes(result: Result, found: Identification, checks: CheckSettings) -> 
     models = [each.model for each in found.references] or [model]
     places = [result.excitation_deg, *(frf.excitation_deg for frf in every[1:])]
     notes = (*model.notes, *setup.notes)
-    steady = with_changes_within_runs(model, setup.steadiness, checks)
+    steady = without_changes_within_runs(model, setup.steadiness, checks)
     return replace(
         result,
         frf=fitted,

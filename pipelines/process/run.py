@@ -154,7 +154,7 @@ def _read(source: str | Path | Sequence[str | Path] | Campaign, options: Options
 def _setup(campaign: Campaign, estimated: FRF | References, found: Identification) -> Setup:
     """What is said of the recordings, whatever is decided on the modes."""
     every = found.references or (found,)
-    steady = [steadiness_of(campaign.runs, each.frf, each.model) for each in every]
+    steady = [steadiness_of(campaign.runs, each.frf, each.model, campaign.checks) for each in every]
     return Setup(
         sensor_mass=_sensor_mass(campaign),
         findings=(*campaign.findings, *(f for frf in frfs_of(estimated) for f in frf.findings)),

@@ -165,6 +165,7 @@ class Stored:
     cmif: tuple[tuple[float, ...], ...] = ()
     mif: tuple[tuple[float, ...], ...] = ()
     further: tuple[StoredFurther, ...] = ()
+    widened_per_s: tuple[float, ...] = ()
 
 
 def read_identification_json(path: Path) -> Stored:
@@ -226,6 +227,9 @@ def _rules(found: Stored) -> Iterator[tuple[str, list[Any], str]]:
     size = 2 * len(found.modes)
     sizes = [n for n in (len(found.covariance), *map(len, found.covariance)) if n != size]
     yield "covariance", sizes, f"must be {size} × {size}"
+    widened = len(found.widened_per_s)
+    each_mode = "needs one value for each mode, or none"
+    yield "widened_per_s", [] if widened in (0, len(found.modes)) else [widened], each_mode
     curves = found.indicator, found.indicator_hz, *found.cmif, *found.mif
     lengths = [*map(len, curves)]
     yield "indicator", lengths if len({*lengths}) > 1 else [], "needs one value for each frequency"

@@ -133,7 +133,7 @@ def write_identification(result: Result, folder: Path) -> None:
         (result, ("setup", "automatic", "automatic_misfit", "references")),
         (result.frf, ("blocks", "n_effective")),
         (model, ("band_hz", "fit_band_hz", "misfit", "covariance", "frac", "drift", "notes")),
-        (model, ("orders", "modes", "guard_modes", "exponential_window")),
+        (model, ("orders", "modes", "guard_modes", "exponential_window", "widened_per_s")),
         (diagram, ("clusters", "indicator_hz", "indicator", "cmif", "mif")),
     )
     content = {name: getattr(source, name) for source, names in sources for name in names}
@@ -389,6 +389,7 @@ def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:
         drift=Drift(**vars(stored.drift)),
         orders=stored.orders,
         exponential_window=stored.exponential_window,
+        widened_per_s=np.array(stored.widened_per_s),
         notes=stored.notes,
     )
 

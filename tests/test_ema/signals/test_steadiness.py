@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 import systems
 
+from ema.checks.steady_runs import steadiness_findings, without_changes_within_runs
 from ema.core.finding import Check, Verdict
 from ema.core.modes import ModalModel, Mode, ResidualTerms
-from ema.signals.steadiness import (
-    run_steadiness,
-    steadiness_findings,
-    steadiness_of,
-    with_changes_within_runs,
-)
+from ema.signals.steadiness import Estimate, ModeChange, Steadiness, run_steadiness, steadiness_of
 
 POLES = systems.pole(systems.TABLE_3_HZ, systems.TABLE_3_DAMPING)
 ANGLES_DEG = np.array([0.0, 30.0, 60.0, 90.0])
@@ -47,15 +43,16 @@ FRF = systems.noise_free_frf(
 
 
 def changing(force, factor):
-    """Responses of poles that are multiplied by `factor`, sample by sample."""
+    """Responses of poles that are multiplied by `factor`, sample by sample (and mode by mode)."""
     step, state = 1 / RATE_HZ, np.zeros(POLES.size, dtype=complex)
     states = np.empty((force.size, POLES.size), dtype=complex)
+    factor = np.broadcast_to(factor if np.ndim(factor) > 1 else factor[:, None], states.shape)
     for k in range(force.size):
         before = force[k - 1] if k else 0.0
         growth = np.exp(POLES * factor[k] * step)
         state = growth * (state + before * step / 2) + force[k] * step / 2
         states[k] = state
-    poles = POLES * factor[:, None]
+    poles = POLES * factor
     direct = 2 * (RESIDUES @ poles.T).real * force
     return direct + 2 * (RESIDUES @ (poles**2 * states).T).real
 
@@ -87,16 +84,42 @@ def test_a_change_within_a_run_is_measured_and_named(force):
     assert found[Check.LEVEL_DEPENDENCE].verdict == Verdict.OK
 
 
-def test_the_damping_that_a_change_adds_is_in_its_std(force):
+def test_the_damping_that_a_change_adds_is_taken_off(force):
     run = run_with(force, 1 + np.linspace(-0.005, 0.005, force.size))
     plain = model()
-    changed = with_changes_within_runs(plain, steadiness_of([run], FRF, plain))
-    expected = 0.01**2 / (12 * plain.damping_ratios)
-    added = np.array([mode.damping_std for mode in changed.modes])
-    assert added == pytest.approx(np.hypot(1e-4, expected), rel=0.1)
-    assert np.sqrt(np.diag(changed.covariance)[1::2]) == pytest.approx(expected, rel=0.1)
+    changed = without_changes_within_runs(plain, steadiness_of([run], FRF, plain))
+    # Of one pole fitted to all lines, and to the peak alone.
+    least, most = (share * 0.01**2 / (12 * plain.damping_ratios) for share in (1.0, 2.0))
+    taken = plain.damping_ratios - changed.damping_ratios
+    std = np.array([mode.damping_std for mode in changed.modes])
+    assert np.all((taken > 0.8 * least) & (taken < 1.1 * most))
+    assert np.all((std > 0.1 * taken) & (std < np.hypot(1e-4, 0.5 * taken)))
+    assert np.diag(changed.covariance)[1::2] == pytest.approx(std**2 - 1e-8, rel=1e-6)
+    for mine, theirs in zip(
+        changed.poles_and_residues(as_measured=True), plain.poles_and_residues(), strict=True
+    ):
+        assert mine == pytest.approx(theirs, rel=1e-4)
     steady = run_with(force, np.ones(force.size))
-    assert with_changes_within_runs(plain, steadiness_of([steady], FRF, plain)) is plain
+    assert without_changes_within_runs(plain, steadiness_of([steady], FRF, plain)) is plain
+
+
+def test_modes_that_change_by_different_amounts_are_told_apart(force):
+    shares = np.linspace(0.0, 1.0, POLES.size)
+    even = np.linspace(-0.005, 0.005, force.size)
+    found = changing(force, 1 + even[:, None] * shares)
+    run = systems.run_of(force, found, RATE_HZ, position_deg=ANGLES_DEG)
+    seen = run_steadiness(run, FRF, model()).of_modes
+    assert [each.value for each in seen] == pytest.approx(0.01 * shares, abs=1e-3)
+
+
+def test_a_mode_that_hardly_shows_is_taken_to_change_as_the_others_do():
+    plain = model()
+    hz = plain.frequencies_hz
+    others = tuple(ModeChange(each, 0.003, 1e-5) for each in hz[1:])
+    wild = ModeChange(hz[0], 0.2, 0.1)
+    change = Estimate(0.003, 1e-5, 50.0)
+    changed = without_changes_within_runs(plain, [Steadiness("1", change, None, (wild, *others))])
+    assert changed.damping_ratios == pytest.approx(plain.damping_ratios, rel=0.01)
 
 
 def test_a_tyre_that_is_softer_at_higher_level_is_named(force):
