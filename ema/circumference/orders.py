@@ -287,9 +287,11 @@ def _strongest_rising(modes: Sequence[Mode], candidates: Sequence[int]) -> list[
 
 def _paired(main: Mode, other: Mode) -> bool:
     ratio = other.damping_ratio / main.damping_ratio
+    # A member that hardly shows may be fitted farther away, where both resonances still touch.
+    touching = main.damping_ratio + other.damping_ratio
     return (
         main.order == other.order
-        and abs(other.frequency_hz / main.frequency_hz - 1) < PAIR_REACH
+        and abs(other.frequency_hz / main.frequency_hz - 1) < max(PAIR_REACH, touching)
         and 1 / _PAIR_DAMPING < ratio < _PAIR_DAMPING
     )
 
