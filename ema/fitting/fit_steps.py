@@ -40,7 +40,7 @@ _SHARE_STD = 0.3
 _COMPLEX = 0.5
 # Of members within a half-width, of which one is seen, the other bends its peak by their distance
 # times its amplitude; this share of it is not known: benchmarks/laboratory.py.
-_BENT = 0.2
+_BENT = 0.17
 
 
 def modes_of(
