@@ -41,6 +41,9 @@ _COMPLEX = 0.5
 # Of members within a half-width, of which one is seen, the other bends its peak by their distance
 # times its amplitude; this share of it is not known: benchmarks/laboratory.py.
 _BENT = 0.17
+# Share of the response below which a member may be an error of the FRFs instead: at random angles,
+# one in fifty is met by the force so near a node.
+_HARDLY = 1e-3
 
 
 def modes_of(
@@ -219,20 +222,27 @@ def std_of_unseen_pairs(
 ) -> NDArray[np.float64]:
     """Standard deviations of frequency and damping ratio from pairs that no order tells.
 
-    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen: its
-    pair is taken to be split like those of the ring's orders. Without a circle the positions tell
-    by what they differ.
+    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen. Where
+    the other member hardly shows, it may be elsewhere: what is taken for it may be an error of the
+    FRFs. Such pairs are taken to be split like those of the ring's other orders. Without a circle
+    the positions tell by what they differ.
     """
     if not on_circle(position_deg):
         return std_over_positions(fit, correlation)
     std = np.zeros((len(modes), 2))
-    pairs = [each.pair for each in owner.values() if each.pair is not None]
+    hardly = {k for k, each in owner.items() if _hardly_shows_another(each)}
+    pairs = [each.pair for k, each in owner.items() if each.pair is not None and k not in hardly]
     if pairs:
         share = np.median([_of_shares(pair) / pair.numbers[4:6] for pair in pairs], axis=0)
         for k, mode in enumerate(label_modes(modes, position_deg)):
-            if mode.order is None and k not in owner:
+            if k in hardly or (mode.order is None and k not in owner):
                 std[k] = share * (mode.frequency_hz, mode.damping_ratio)
     return std
+
+
+def _hardly_shows_another(order: RingOrder) -> bool:
+    pair = order.pair
+    return pair is not None and order.one_row is not None and min(pair.share) < _HARDLY
 
 
 def _to_mean(pair: PairFit, member: int) -> NDArray[np.float64]:
