@@ -292,15 +292,16 @@ def _with_likeness(pair: PairFit, settings: IdentificationSettings) -> PairFit:
     """The pair with a damping of its members more unlike than usual in its covariance.
 
     Only the shape of one peak tells members within a half-width of each other, and an error of the
-    FRFs bends it as unlike damping does: the weaker member, which hardly shapes it, most. Farther
-    apart each member has a peak of its own.
+    FRFs bends it as unlike damping does: the weaker member, which hardly shapes it, most. What moves
+    a pole in damping moves it as far in frequency. Farther apart each member has a peak of its own.
     """
     a_hz, a_ratio, b_hz, b_ratio, hz, ratio = pair.numbers
     if b_hz - a_hz >= hz * ratio:
         return pair
     usual = _UNLIKE * settings.pair_damping_likeness * ratio
     a, b = (max((each - ratio) ** 2 - usual**2, 0.0) for each in (a_ratio, b_ratio))
-    return replace(pair, covariance=pair.covariance + np.diag([0, a, 0, b, 0, 0]))
+    added = np.diag([a * hz**2, a, b * hz**2, b, 0, 0])
+    return replace(pair, covariance=pair.covariance + added)
 
 
 def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSettings) -> RingOrder:
