@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ema.core.frf import FRF
 from ema.core.numerics import kept_with
-from ema.core.recording import BlockPlan
 from ema.fitting.driven import Driven
 from ema.fitting.joint_poles import JointPoint
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit
@@ -23,13 +23,19 @@ _FEWEST_PIECES = 8
 _TRIM = 0.06
 
 
-def line_correlation(plan: BlockPlan | None) -> float:
+def line_correlation(frf: FRF) -> float:
     """Lines that share the information of one: N Σw⁴/(Σw²)², 1 for a boxcar, 1.94 for Hann.
 
     A window correlates the noise of neighbouring lines; sums over lines scatter by this factor
-    more than independent lines would.
+    more than independent lines would. An exponential window of the analyser, e^{−t/τ} over blocks
+    of length T, gives T/τ coth T/τ.
     """
-    return 1.0 if plan is None else float(np.mean(plan.taper**4))
+    of_blocks = 1.0 if frf.blocks is None else float(np.mean(frf.blocks.taper**4))
+    if frf.exponential_window is None:
+        return of_blocks
+    block_s = 1 / float(np.min(np.diff(frf.frequency_hz)))
+    decays = block_s / frf.exponential_window.time_constant_s
+    return of_blocks * decays / float(np.tanh(decays))
 
 
 def parameter_covariance(fit: PoleFit, correlation: float) -> Real:

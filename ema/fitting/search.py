@@ -142,7 +142,7 @@ class CurveFit:
         self.frf, self.selection, self.band_hz, self.settings = frf, selection, band_hz, settings
         self.lines = lines_to_fit(frf, band_hz)
         self.start_poles = starting_poles(selection.poles, self.lines, band_hz)
-        self.correlation = line_correlation(frf.blocks)
+        self.correlation = line_correlation(frf)
         self.drift: Drift = NO_DRIFT
         self.leakage_notes, self.notes = list[str](), list[str]()
         self.ring: tuple[RingOrder, ...] = ()

@@ -18,14 +18,14 @@ POLES = systems.table_3_poles()[:9]
 TRUTH = systems.TABLE_3_DAMPING
 
 
-def windowed(window, poles=POLES):
+def windowed(window, poles=POLES, noise_share=1e-3):
     """FRFs of responses that were multiplied by e^{−t/τ} and averaged 100 times."""
     s = 2j * np.pi * systems.LINES_HZ + window.decay_per_s
     residues = systems.tyre_residues(ANGLES_DEG, poles)
     values = s**2 * (
         residues @ (1 / (s - poles[:, None])) + residues.conj() @ (1 / (s - poles[:, None].conj()))
     )
-    std = np.full(values.shape, 1e-3 * np.abs(values).max())
+    std = np.full(values.shape, noise_share * np.abs(values).max())
     noise = np.random.default_rng(1).standard_normal((2, *values.shape))
     values = values + std * (noise[0] + 1j * noise[1])
     return systems.noise_free_frf(
@@ -64,7 +64,8 @@ def test_the_fit_is_drawn_with_the_window_and_the_modes_without():
 
 
 def test_an_uncertain_window_makes_the_damping_uncertain_in_common():
-    sure, unsure = (fitted(windowed(ExponentialWindow(0.2, std))) for std in (0.0, 0.01))
+    windows = ExponentialWindow(0.2), ExponentialWindow(0.2, 0.01)
+    sure, unsure = (fitted(windowed(window, noise_share=3e-4)) for window in windows)
     decay_std = 0.01 / 0.2**2
     for before, after in zip(sure.modes, unsure.modes, strict=True):
         added = np.sqrt(after.damping_std**2 - before.damping_std**2)

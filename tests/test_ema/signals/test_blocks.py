@@ -1,15 +1,17 @@
 """How recordings are cut: lengths, windows, overlap, and what averages are worth."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import systems
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.campaign import Processing
 from ema.core.errors import InputError
-from ema.core.recording import BlockPlan
+from ema.core.recording import BlockPlan, ExponentialWindow
 from ema.fitting.covariance import line_correlation
 from ema.signals.excitation import plan_blocks
 
@@ -127,9 +129,20 @@ def test_overlap_gains_averages_from_a_window_but_not_without_end():
 
 def test_neighbouring_lines_share_information_as_the_window_says():
     """N Σw⁴/(Σw²)²: 1 for a boxcar, 35·8/(3²·16) for Hann."""
-    assert line_correlation(plan(window="boxcar")) == pytest.approx(1)
-    assert line_correlation(plan(window="hann")) == pytest.approx(35 * 8 / (9 * 16))
-    assert line_correlation(None) == 1
+    frf = systems.tyre_frf()
+    assert line_correlation(frf) == 1
+    boxcar, hann = (replace(frf, blocks=plan(window=name)) for name in ("boxcar", "hann"))
+    assert line_correlation(boxcar) == pytest.approx(1)
+    assert line_correlation(hann) == pytest.approx(35 * 8 / (9 * 16))
+
+
+@pytest.mark.parametrize("time_constant_s", [0.2, 2.0, 100.0])
+def test_neighbouring_lines_share_information_as_an_exponential_window_says(time_constant_s):
+    frf = systems.tyre_frf()  # blocks of 4 s
+    window = np.exp(-np.arange(0, 4, 1e-4) / time_constant_s)
+    shared = window.size * np.sum(window**4) / np.sum(window**2) ** 2
+    windowed = replace(frf, exponential_window=ExponentialWindow(time_constant_s))
+    assert line_correlation(windowed) == pytest.approx(shared, rel=1e-3)
 
 
 def test_a_longer_run_gets_more_of_the_same_blocks():
