@@ -22,6 +22,9 @@ from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import PoleFit
 from ema.fitting.variable_projection import Complex
 
+# Lines that a Hann window adds to a half-width, as the curve fit sees it: fitted rings of 1 to 3 %
+# damping on lines 0.125 to 0.5 Hz apart give 0.95 to 1.1 (at half power it has 0.72: Harris 1978).
+_HANN_LINES = 1.1
 # A force drives a mode if the residue at its place is this many standard deviations.
 _LEAST_DRIVE = 3.0
 # No residue is known better than this.
@@ -113,6 +116,54 @@ def _note(modes: list[Mode], window: ExponentialWindow) -> str:
         f"compensated: −{number(added[0])} % of critical at {low.frequency_hz:.0f} Hz, "
         f"−{number(added[1])} % at {high.frequency_hz:.0f} Hz. FRFs and stability diagram are as "
         "measured."
+    )
+
+
+def with_unknown_window(model: ModalModel, frf: FRF) -> ModalModel:
+    """Modes whose ± of damping holds what a Hann window adds, of FRFs whose blocks are not known.
+
+    No file says which window its FRFs were made with. The ± is half of what a Hann window adds, to
+    all modes alike; with an exponential window there is no other one.
+    """
+    if frf.blocks is not None or frf.exponential_window is not None:
+        return model
+    step_hz = float(np.min(np.diff(frf.frequency_hz)))
+    half = np.array([_added_by_hann(m.frequency_hz, m.damping_ratio, step_hz) for m in model.modes])
+    half /= 2
+    covariance = model.covariance.copy()
+    covariance[1::2, 1::2] += np.outer(half, half)
+    std = np.sqrt(np.diag(covariance))[1::2]
+    return replace(
+        model,
+        modes=tuple(
+            replace(mode, damping_std=float(own))
+            for mode, own in zip(model.modes, std, strict=True)
+        ),
+        covariance=covariance,
+        orders=tuple(_order_with_unknown_window(each, step_hz) for each in model.orders),
+        notes=(*model.notes, _note_of_hann(model.modes, 2 * half)),
+    )
+
+
+def _added_by_hann(frequency_hz: float, damping_ratio: float, step_hz: float) -> float:
+    """Damping ratio that a Hann window adds: it widens b lines to √(b² + 1.1²)."""
+    seen_hz, added_hz = damping_ratio * frequency_hz, _HANN_LINES * step_hz
+    own_hz = np.sqrt(max(seen_hz**2 - added_hz**2, 0.0))
+    return float(damping_ratio - own_hz / frequency_hz)
+
+
+def _order_with_unknown_window(report: OrderReport, step_hz: float) -> OrderReport:
+    half = _added_by_hann(report.frequency_hz, report.damping_ratio, step_hz) / 2
+    return replace(report, damping_std=float(np.hypot(report.damping_std, half)))
+
+
+def _note_of_hann(modes: Sequence[Mode], added: NDArray[np.float64]) -> str:
+    share = 100 * added / [mode.damping_ratio for mode in modes]
+    at = int(np.argmax(share))
+    return (
+        "FRFs without their recordings do not state their window. Of the damping ratios, up to "
+        f"{share[at]:.2g} % may come from a Hann window (at {modes[at].frequency_hz:.0f} Hz); half "
+        "of that is in their ±."
     )
 
 
@@ -280,7 +331,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
     )
     fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
     model = replace(model, frac=frac(settled.values, fitted))
-    return without_window(model, frf.exponential_window)
+    return with_unknown_window(without_window(model, frf.exponential_window), frf)
 
 
 def _reports(

@@ -7,6 +7,7 @@ import pytest
 import systems
 
 from ema.core.errors import FitError
+from ema.core.recording import BlockPlan
 from ema.identify import fit_modes
 from ema.poles.stability import build_stability, select_poles
 from ema.poles.tracking import PoleSelection
@@ -21,14 +22,14 @@ TRUE_DAMPING = np.array([0.04, 0.03, 0.02])
 POLES = systems.pole(np.append(TRUE_HZ, 170.0), np.append(TRUE_DAMPING, 0.02))
 RESIDUES = np.random.default_rng(1).standard_normal((6, 4)) * systems.residue(POLES)
 SELECTION = PoleSelection(POLES[:3], BAND_HZ)
+NO_WINDOW = BlockPlan(1000.0, 1000, 1000, 1, "boxcar")
 
 
 def noisy_frf(seed, std=0.01):
     clean = systems.inertance(LINES_HZ, POLES, RESIDUES)
     noise = np.random.default_rng(seed).standard_normal((*clean.shape, 2)) @ [1, 1j]
-    return systems.noise_free_frf(
-        LINES_HZ, clean + std * noise, std=np.full(clean.shape, std), coherence=np.ones(clean.shape)
-    )
+    known = {"std": np.full(clean.shape, std), "coherence": np.ones(clean.shape)}
+    return systems.noise_free_frf(LINES_HZ, clean + std * noise, blocks=NO_WINDOW, **known)
 
 
 @pytest.fixture(scope="module")
