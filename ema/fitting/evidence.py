@@ -28,6 +28,8 @@ Matrix = NDArray[np.bool_]
 
 # Parts of the positions that are left out one after the other.
 _PARTS = 3
+# … unless one has this share of a pole's power: two FRFs of a spindle, each with modes of its own.
+_NEARLY_ALL = 0.9
 # Lines within this many half-widths belong to a resonance.
 _RESONANCE = 2.0
 # A jackknife variance of three parts is larger by this factor once in twenty (χ², 2 d.o.f.).
@@ -65,7 +67,9 @@ def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
     """Jackknife standard deviations of frequencies in Hz and of damping ratios, (n_modes, 2).
 
     From three fits that leave out a third of the positions each (Efron & Stein 1981); 0 for one
-    position. `refit` fits lines from start poles; poles above the lines are not compared.
+    position. A part that has nearly all of a pole does not count for it: what is left without it
+    does not show the pole. `refit` fits lines from start poles; poles above the lines are not
+    compared.
     """
     lines, poles = fit.lines, fit.poles[:-N_STAND_INS]
     n_parts = min(_PARTS, lines.scale.size)
@@ -76,7 +80,10 @@ def scatter_over_positions(fit: PoleFit, refit: Refit) -> Real:
     without = [refit(_of_rows(lines, part != k), poles).poles for k in range(n_parts)]
     found = np.stack(without)[:, :-N_STAND_INS]
     numbers = np.stack([np.abs(found) / (2 * np.pi), -found.real / np.abs(found)], axis=2)
-    std[:-N_STAND_INS] = np.sqrt((n_parts - 1) * np.var(numbers, axis=0))
+    power = np.abs(fit.residues[:, :-N_STAND_INS]) ** 2
+    share = np.stack([power[part == k].sum(axis=0) for k in range(n_parts)]) / power.sum(axis=0)
+    counts = np.broadcast_to((share < _NEARLY_ALL)[:, :, None], numbers.shape)
+    std[:-N_STAND_INS] = np.sqrt((n_parts - 1) * np.var(numbers, axis=0, where=counts))
     return std
 
 

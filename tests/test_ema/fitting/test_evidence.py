@@ -126,6 +126,21 @@ def test_poles_that_hang_on_a_third_of_the_positions_scatter_without_them():
     assert np.all(std[-2:] == 0)
 
 
+def test_a_pole_of_one_part_of_the_positions_does_not_scatter_without_it():
+    """As of a spindle, measured in two directions: the others show nothing of it."""
+    elsewhere = np.arange(12) % 3 != 1
+    shapes = np.where(elsewhere[:, None] & (np.arange(4) == 0), 0.1, 1.0) * RESIDUES
+    fit = fit_of(POLES, shapes)
+    moves = iter((1.001, 1.03, 1.0))
+
+    def refit(lines, poles):
+        return replace(fit, poles=np.append(poles * next(moves), STAND_INS))
+
+    std = scatter_over_positions(fit, refit)
+    assert std[0, 0] == pytest.approx(40 * 0.001 * np.sqrt(2 / 4), rel=0.01)
+    assert std[1, 0] == pytest.approx(42 * 0.03 * np.sqrt(2 * 2 / 9), rel=0.05)
+
+
 def test_a_weak_shape_without_common_phase_is_no_mode():
     turning = np.exp(1j * np.arange(12))[:, None]
     phase = np.where(np.arange(4) == 3, turning, 1.0)
