@@ -340,10 +340,10 @@ def _with_sensors_checked(basis: Basis) -> Basis:
 
 
 def _with_known_drift(basis: Basis) -> Basis:
-    """With the mass of the sensors compensated run by run as the tyre drifts."""
+    """With masses compensated run by run as the tyre drifts."""
     for _ in range(_DRIFT_PASSES):
         drift = basis.fit.settled.drift
-        if not basis.loads or not drift.applied:
+        if basis.state.mass is None or not drift.applied:
             break
         state = basis.state.knowing(drift=drift)
         basis = basis.on(state, (basis.diagram, basis.asked.selected(basis.diagram)))

@@ -127,7 +127,8 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
     if not sensor_mass.loads:
-        return without_live_mass(frf, sensor_mass.live_mass_kg, sensor_mass.excitation_deg)
+        about = sensor_mass.live_mass_kg, sensor_mass.excitation_deg, sensor_mass.drift
+        return without_live_mass(frf, *about)
     return unloaded(
         frf,
         sensor_mass.sensors_deg,

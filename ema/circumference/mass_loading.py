@@ -76,7 +76,7 @@ def unloaded(
     from run to run as the sensors do, and is known once these are compensated.
     """
     loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}
-    average = without_live_mass(frf, live_mass_kg, excitation_deg)
+    average = without_live_mass(frf, live_mass_kg, excitation_deg, drift)
     bare, at_force = _bared(average, *loading)
     before: Complex | float = 0.0
     for _ in range(_LIVE_PASSES if live_mass_kg else 0):
@@ -206,13 +206,23 @@ def _at_seats(frf: FRF, run: str, angles_deg: Real, around: Complex) -> Complex:
     return np.asarray(around)
 
 
-def without_live_mass(frf: FRF, mass_kg: float, excitation_deg: float) -> FRF:
+def without_live_mass(
+    frf: FRF, mass_kg: float, excitation_deg: float, drift: Drift = NO_DRIFT
+) -> FRF:
     """FRFs for the force that reaches the tyre, behind a mass between load cell and tyre.
 
     The load cell also accelerates the mass m: H = H_measured / (1 − m H_dd), with the inertance
-    H_dd at the force from the waves around the closed circle.
+    H_dd at the force from the waves around the closed circle, in the state of each run where
+    `drift` tells it.
     """
-    return _scaled(frf, {}, 1 / (1 - mass_kg * _drive_point(frf, excitation_deg)))
+    names = list(dict.fromkeys(frf.run))
+    shift = _shifts(drift, names, frf.frequency_hz)
+    of_rows = shift[[names.index(name) for name in frf.run]]
+    alike = replace(frf, values=_moved(frf.frequency_hz, frf.values[:, None], of_rows)[:, 0])
+    drive = _drive_point(alike, excitation_deg)
+    of_runs = _moved(frf.frequency_hz, np.tile(drive, (len(names), 1, 1)), -shift)[:, 0]
+    factors = {name: 1 / (1 - mass_kg * own) for name, own in zip(names, of_runs, strict=True)}
+    return _scaled(frf, factors, 1 / (1 - mass_kg * drive))
 
 
 def _drive_point(frf: FRF, excitation_deg: float) -> Complex:

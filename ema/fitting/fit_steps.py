@@ -44,6 +44,9 @@ _BENT = 0.17
 # Share of the response below which a member may be an error of the FRFs instead: at random angles,
 # one in fifty is met by the force so near a node.
 _HARDLY = 1e-3
+# … which may hide a pair: what it does to half-width and damping of members that show in others,
+# median of the random campaigns of benchmarks/laboratory.py.
+_ELSEWHERE = (0.004, 0.0025)
 
 
 def modes_of(
@@ -200,7 +203,11 @@ def in_other_orders(
         power = order_content(shape, position_deg).power * shape.size / size
         noise = 2 * np.sum(residues_std[:, k] ** 2) / size
         shares[k] = max(power.sum() - power.max() - noise, 0.0)
-    return shares
+    # More than all there is: the positions do not tell this order from others.
+    told = shares <= 1.0
+    return (
+        np.where(told, shares, np.median(shares[told])) if np.any(told) else np.zeros_like(shares)
+    )
 
 
 def _of_shares(pair: PairFit) -> NDArray[np.float64]:
@@ -222,21 +229,24 @@ def std_of_unseen_pairs(
 ) -> NDArray[np.float64]:
     """Standard deviations of frequency and damping ratio from pairs that no order tells.
 
-    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen. Where
-    the other member hardly shows, it may be elsewhere: what is taken for it may be an error of the
-    FRFs. Such pairs are taken to be split like those of the ring's other orders. Without a circle
-    the positions tell by what they differ.
+    Of a wave shorter than two distances of the sensors only one of cosine and sine is seen: its
+    pair is taken to be split like those of the ring's orders. Where the other member hardly shows,
+    what is taken for it may be an error of the FRFs, and it may be elsewhere. Without a circle the
+    positions tell by what they differ.
     """
     if not on_circle(position_deg):
         return std_over_positions(fit, correlation)
     std = np.zeros((len(modes), 2))
-    hardly = {k for k, each in owner.items() if _hardly_shows_another(each)}
-    pairs = [each.pair for k, each in owner.items() if each.pair is not None and k not in hardly]
+    pairs = [each.pair for each in owner.values() if each.pair is not None]
     if pairs:
         share = np.median([_of_shares(pair) / pair.numbers[4:6] for pair in pairs], axis=0)
         for k, mode in enumerate(label_modes(modes, position_deg)):
-            if k in hardly or (mode.order is None and k not in owner):
+            if mode.order is None and k not in owner:
                 std[k] = share * (mode.frequency_hz, mode.damping_ratio)
+    for k, each in owner.items():
+        if _hardly_shows_another(each):
+            half_width_hz = modes[k].damping_ratio * modes[k].frequency_hz
+            std[k] = np.array(_ELSEWHERE) * (half_width_hz, modes[k].damping_ratio)
     return std
 
 

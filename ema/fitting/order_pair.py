@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -292,8 +293,9 @@ def _with_likeness(pair: PairFit, settings: IdentificationSettings) -> PairFit:
     """The pair with a damping of its members more unlike than usual in its covariance.
 
     Only the shape of one peak tells members within a half-width of each other, and an error of the
-    FRFs bends it as unlike damping does: the weaker member, which hardly shapes it, most. What moves
-    a pole in damping moves it as far in frequency. Farther apart each member has a peak of its own.
+    FRFs bends it as unlike damping does: the weaker member, which hardly shapes it, most. What
+    moves a pole in damping moves it as far in frequency. Farther apart each member has a peak of
+    its own.
     """
     a_hz, a_ratio, b_hz, b_ratio, hz, ratio = pair.numbers
     if b_hz - a_hz >= hz * ratio:
@@ -302,6 +304,15 @@ def _with_likeness(pair: PairFit, settings: IdentificationSettings) -> PairFit:
     a, b = (max((each - ratio) ** 2 - usual**2, 0.0) for each in (a_ratio, b_ratio))
     added = np.diag([a * hz**2, a, b * hz**2, b, 0, 0])
     return replace(pair, covariance=pair.covariance + added)
+
+
+def poles_shown(poles: Complex, ring: Sequence[RingOrder]) -> Complex:
+    """Poles of a fit, moved to what their orders show where that is beyond the half-width."""
+    moved = poles.copy()
+    for each in ring:
+        if each.pair and abs(each.pair.mean - poles[each.key]) > -each.pair.mean.real:
+            moved[each.key] = each.pair.mean
+    return moved
 
 
 def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSettings) -> RingOrder:

@@ -36,7 +36,7 @@ from ema.fitting.fit_steps import (
 )
 from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import RingOrder
+from ema.fitting.order_pair import RingOrder, poles_shown
 from ema.fitting.pole_fit import (
     N_DRIFT,
     N_STAND_INS,
@@ -119,10 +119,8 @@ class CurveFit:
     ----------
     lines : Lines
         What is fitted, with weights.
-    fit : PoleFit
     drift : Drift
         Drift of the runs, and whether it is significant.
-    leakage_notes, notes : list of str
     ring : tuple of RingOrder
         Pairs of the ring, order by order.
     locked : mapping of int to ndarray
@@ -208,12 +206,8 @@ class CurveFit:
     def _drop(
         self, doubtful: NDArray[np.bool_], size: Real, reason: str, reach: float = 1.0
     ) -> bool:
-        """Fit again without doubtful poles of the band; of two in a resonance the lesser one goes.
-
-        False where there is none to drop, or no other.
-        """
-        poles = self.fit.poles
-        inside = self._is_inside(poles)
+        """Fit again without doubtful poles, of two in a resonance the lesser one; False: none."""
+        poles, inside = self.fit.poles, self._is_inside(self.fit.poles)
         drop = inside & doubtful
         drop &= ~np.any(drop & share_resonance(poles, reach) & (size[:, None] > size), axis=1)
         if not np.any(drop) or np.all(drop | ~inside):
@@ -234,18 +228,14 @@ class CurveFit:
 
     def drop_surplus(self) -> None:
         """Drop poles that ended on the bound of their damping, far above that of the others."""
-        fit = self.fit
-        ratio = -fit.poles.real / np.abs(fit.poles)
+        fit, ratio = self.fit, -self.fit.poles.real / np.abs(self.fit.poles)
         broad = fit.at_bound[0::2] & (ratio > _BROAD * np.median(ratio[:-N_STAND_INS]))
         broad[-N_STAND_INS:] = False
         if np.any(broad) and np.count_nonzero(~broad) > N_STAND_INS:
             self._refit(fit.poles[~broad])
 
     def settle_orders(self) -> None:
-        """Fit the pair of each order of the ring, after poles that diverged were dropped.
-
-        Pinned poles stay as they are.
-        """
+        """Fit the pair of each order of the ring, after poles that diverged were dropped."""
         for _ in range(0 if self.selection.pinned else _ROUNDS):
             in_runs = self.drift.applied & self._is_inside(self.fit.poles)
             surplus = surplus_poles(self.labelled(self.fit), self.fit, in_runs)
@@ -254,21 +244,37 @@ class CurveFit:
             self._refit(self.fit.poles[~surplus])
         if not self.selection.pinned:
             self._add_hidden()
-        search = self.pair_search()
-        self.ring = search.orders_alone()
+        search = self._orders_alone()
+        if not self.selection.pinned and self._start_at_pairs():
+            search = self._orders_alone()
         for _ in range(_STATE_ROUNDS):
             if not self._follow_drift_of_pairs(search):
                 break
-            search = self.pair_search()
-            self.ring = search.orders_alone()
+            search = self._orders_alone()
         self.ring = search.orders_together(self.ring)
         if self.drift.applied and self._follow_drift_of_pairs(search, however_little=True):
             search = self.pair_search()
             self.ring = search.orders_together(search.orders_near(self.ring))
 
+    def _orders_alone(self) -> PairSearch:
+        search = self.pair_search()
+        self.ring = search.orders_alone()
+        return search
+
+    def _start_at_pairs(self) -> bool:
+        """Fit again where an order's own FRFs show it elsewhere; whether that fits better."""
+        before, centre = self.fit, self.centre
+        poles = poles_shown(before.poles, self.ring)
+        if np.any(poles != before.poles):
+            self._refit(poles)
+        if self.fit.cost < before.cost:
+            return True
+        self.fit, self.centre = before, centre
+        return False
+
     def _follow_drift_of_pairs(self, search: PairSearch, *, however_little: bool = False) -> bool:
         """Give each run its own state as seen with pairs in place; whether that changes any."""
-        orders = [each for each in self.ring if each.is_main and each.pair is not None]
+        orders = [each for each in self.ring if each.is_main and each.pair]
         if self.lines.n_runs < 2 or not orders:
             return False
         limit = self.settings.drift_p_value
@@ -287,7 +293,7 @@ class CurveFit:
         return self._fit_near(lines, fit.poles, fit.drift)
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
-        """Fit the pair of each order of the ring, from the FRFs of that order."""
+        """Fit the pair of each order of the ring."""
         search = self.pair_search()
         self.ring = search.orders_together(search.orders_alone(before), before)
 
@@ -357,8 +363,7 @@ class CurveFit:
 
         With poles `added` behind those there are, other `starts` of some, and some `locked` there.
         """
-        other = copy(self)
-        unknown = np.full((len(added), 2), np.nan)  # in front of the stand-ins
+        other, unknown = copy(self), np.full((len(added), 2), np.nan)  # in front of the stand-ins
         other.__dict__["sensitivity"] = tuple(
             np.insert(each, len(each) - N_STAND_INS, unknown, axis=0) for each in self.sensitivity
         )

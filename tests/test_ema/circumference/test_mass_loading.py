@@ -17,7 +17,7 @@ from ema.checks.sensor_mass import (
     without_mass,
 )
 from ema.circumference.mass_loading import unloaded, without_live_mass
-from ema.core.drift import NO_DRIFT
+from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
@@ -110,6 +110,22 @@ def test_a_mass_between_load_cell_and_tyre_is_compensated(name):
     assert away(live, bare) > 0.1
     assert away(found, bare) < 1e-6
     assert away(found.reference, bare.reference) < 1e-6
+
+
+def test_a_mass_at_the_load_cell_of_a_tyre_that_drifts_is_compensated_run_by_run():
+    modes, percent = TYRES["split, shaker in between"], np.linspace(0.0, 1.5, systems.N_RUNS)
+    states = [
+        [replace(m, frequency_hz=m.frequency_hz * (1 + p / 100)) for m in modes] for p in percent
+    ]
+    bare = systems.campaign_frf(modes, drift_percent=percent, frequency_hz=LINES_HZ)
+    live = np.empty_like(bare.values)
+    for name, state in zip(bare.run_names, states, strict=True):
+        here = np.array(bare.run) == name
+        live[here] = with_live_mass(bare.rows(here), state, 0.05).values
+    live, nothing = replace(bare, values=live), np.zeros(systems.N_RUNS)
+    known = Drift(bare.run_names, percent, *[nothing] * 5)
+    alike, by_run = (without_live_mass(live, 0.05, 0.0, each) for each in (NO_DRIFT, known))
+    assert away(by_run, bare) < 0.25 * away(alike, bare) < 0.1 * away(live, bare)
 
 
 def on_a_tyre(frf, tyre, own_kg, live_kg, seats=SEATS):

@@ -8,6 +8,8 @@ import systems
 
 from ema.core.errors import FitError
 from ema.core.recording import BlockPlan
+from ema.core.settings import IDENTIFICATION
+from ema.fitting.search import curve_fit
 from ema.identify import fit_modes
 from ema.poles.stability import build_stability, select_poles
 from ema.poles.tracking import PoleSelection
@@ -177,3 +179,18 @@ def test_runs_in_one_state_show_no_drift():
     drift = fit_modes(frf, select_poles(build_stability(frf, (20, 260)))).drift
     assert not drift.applied
     assert np.all(np.abs(drift.percent[1:]) < 4 * drift.std_percent[1:])
+
+
+def test_a_pole_is_found_again_where_its_order_shows_it():
+    """Order 1 at 55 Hz was started beneath order 2, at 70 Hz, and stayed there."""
+    poles = systems.pole([55.0, 75.8, 94.7, 116.5], [0.058, 0.040, 0.035, 0.032])
+    angles = np.arange(72) * 5.0
+    lines_hz = np.arange(20, 600) / 4
+    values = systems.inertance(lines_hz, poles, systems.tyre_residues(angles, poles))
+    noise = np.random.default_rng(0).standard_normal((*values.shape, 2)) @ [1, 1j]
+    std = 0.1 * np.sqrt(np.mean(np.abs(values) ** 2))
+    frf = systems.noise_free_frf(lines_hz, values + std * noise, position_deg=angles)
+    frf = replace(frf, std=np.full(values.shape, std))
+    fit = curve_fit(frf, PoleSelection(poles[1:], (20.0, 140.0)), (20.0, 140.0), IDENTIFICATION)
+    found = systems.frequency_hz_of(fit.fit.poles)
+    assert np.min(np.abs(found - 55.0)) < 0.5
