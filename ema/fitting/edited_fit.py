@@ -26,7 +26,7 @@ from ema.fitting.curve_fit import (
 )
 from ema.fitting.joint_modes import JointModes
 from ema.fitting.joint_orders import joint_curves
-from ema.fitting.listing import Choice, Key, Row, Settled, listed
+from ema.fitting.listing import Choice, Key, Row, Settled, listed, std_of_unknown_window
 from ema.fitting.order_pair import RingOrder
 from ema.fitting.pole_fit import N_STAND_INS, evaluate
 from ema.fitting.search import CurveFit
@@ -351,7 +351,8 @@ def _as_known(settled: Settled, row: Row, pole: complex) -> Real:
     own = settled.covariance[at : at + 2, at : at + 2]
     poles = np.array([pole, row.mode.pole])
     hz, ratio = np.diff(np.abs(poles) / (2 * np.pi)), np.diff(-poles.real / np.abs(poles))
-    return np.asarray(own + np.diag(np.concatenate([hz, ratio]) ** 2))
+    window = std_of_unknown_window(settled.frf, row.mode.frequency_hz, row.mode.damping_ratio)
+    return np.asarray(own + np.diag([float(hz[0]) ** 2, float(ratio[0]) ** 2 + window**2]))
 
 
 def _pick(before: EditedFit, pole: complex, wish: Wish, found: _Found) -> None:

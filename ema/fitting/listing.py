@@ -119,41 +119,48 @@ def _note(modes: list[Mode], window: ExponentialWindow) -> str:
     )
 
 
-def with_unknown_window(model: ModalModel, frf: FRF) -> ModalModel:
-    """Modes whose ± of damping holds what a Hann window adds, of FRFs whose blocks are not known.
+def with_unknown_window(model: ModalModel, frf: FRF, stated: Sequence[bool]) -> ModalModel:
+    """Modes whose ± of damping holds `std_of_unknown_window`, all alike.
 
-    No file says which window its FRFs were made with. The ± is half of what a Hann window adds, to
-    all modes alike; with an exponential window there is no other one.
+    Poles that are `stated` have it in what is known of them.
     """
-    if frf.blocks is not None or frf.exponential_window is not None:
+    half = np.array(
+        [std_of_unknown_window(frf, mode.frequency_hz, mode.damping_ratio) for mode in model.modes]
+    )
+    if not np.any(half):
         return model
-    step_hz = float(np.min(np.diff(frf.frequency_hz)))
-    half = np.array([_added_by_hann(m.frequency_hz, m.damping_ratio, step_hz) for m in model.modes])
-    half /= 2
+    shared = np.where(stated, 0.0, half)
     covariance = model.covariance.copy()
-    covariance[1::2, 1::2] += np.outer(half, half)
+    covariance[1::2, 1::2] += np.outer(shared, shared)
     std = np.sqrt(np.diag(covariance))[1::2]
     return replace(
         model,
         modes=tuple(
-            replace(mode, damping_std=float(own))
-            for mode, own in zip(model.modes, std, strict=True)
+            replace(mode, damping_std=float(known))
+            for mode, known in zip(model.modes, std, strict=True)
         ),
         covariance=covariance,
-        orders=tuple(_order_with_unknown_window(each, step_hz) for each in model.orders),
+        orders=tuple(_order_with_unknown_window(each, frf) for each in model.orders),
         notes=(*model.notes, _note_of_hann(model.modes, 2 * half)),
     )
 
 
-def _added_by_hann(frequency_hz: float, damping_ratio: float, step_hz: float) -> float:
-    """Damping ratio that a Hann window adds: it widens b lines to √(b² + 1.1²)."""
-    seen_hz, added_hz = damping_ratio * frequency_hz, _HANN_LINES * step_hz
+def std_of_unknown_window(frf: FRF, frequency_hz: float, damping_ratio: float) -> float:
+    """What the window leaves open of a damping ratio, of FRFs whose blocks are not known.
+
+    No file says which window its FRFs were made with. Half of what a Hann window adds, which widens
+    b lines to √(b² + 1.1²); 0 with an exponential window, beside which there is no other one.
+    """
+    if frf.blocks is not None or frf.exponential_window is not None:
+        return 0.0
+    seen_hz = damping_ratio * frequency_hz
+    added_hz = _HANN_LINES * float(np.min(np.diff(frf.frequency_hz)))
     own_hz = np.sqrt(max(seen_hz**2 - added_hz**2, 0.0))
-    return float(damping_ratio - own_hz / frequency_hz)
+    return float(damping_ratio - own_hz / frequency_hz) / 2
 
 
-def _order_with_unknown_window(report: OrderReport, step_hz: float) -> OrderReport:
-    half = _added_by_hann(report.frequency_hz, report.damping_ratio, step_hz) / 2
+def _order_with_unknown_window(report: OrderReport, frf: FRF) -> OrderReport:
+    half = std_of_unknown_window(frf, report.frequency_hz, report.damping_ratio)
     return replace(report, damping_std=float(np.hypot(report.damping_std, half)))
 
 
@@ -331,7 +338,8 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
     )
     fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
     model = replace(model, frac=frac(settled.values, fitted))
-    return with_unknown_window(without_window(model, frf.exponential_window), frf)
+    stated = [rows[k].key[0] in fit.locked for k in inside]
+    return with_unknown_window(without_window(model, frf.exponential_window), frf, stated)
 
 
 def _reports(
