@@ -327,7 +327,18 @@ def _doubts(
         for r in inside & owner.keys()
         if any(owner[r].is_within(main, curve.settings) for main in curve.ring)
     }
-    return inside, {} if len(why) == len(inside) or curve.selection.pinned else why
+    peaks = {r for r in inside if not (modes[r].flags or lost[r] or curve.circle)}
+    return inside, {} if curve.selection.pinned else without_last_peaks(why, inside, peaks)
+
+
+def without_last_peaks(why: dict[int, str], inside: set[int], peaks: set[int]) -> dict[int, str]:
+    """Doubts that take poles off the list: not those of all, nor of all that stand out.
+
+    Else only humps on the flanks of these `peaks` would be left.
+    """
+    if peaks and peaks <= why.keys():
+        return {r: doubt for r, doubt in why.items() if r not in peaks}
+    return {} if len(why) == len(inside) else why
 
 
 def _with_band_shift(modes: Sequence[Mode], shifts: Real) -> list[Mode]:

@@ -8,6 +8,7 @@ import systems
 
 from ema.core.modes import Mode
 from ema.core.settings import IDENTIFICATION
+from ema.fitting.curve_fit import without_last_peaks
 from ema.fitting.evidence import (
     is_below_misfit,
     is_beneath,
@@ -189,3 +190,18 @@ def test_a_hump_between_peaks_does_not_stand_out():
 def test_modes_with_peaks_are_ok():
     frf = frf_of(systems.inertance(LINES_HZ, POLES, RESIDUES), 40)
     assert all(mode.status == "ok" for mode in identify_modes(frf, BAND_HZ).model.modes)
+
+
+@pytest.mark.parametrize(
+    ("doubted", "peaks", "left_out"),
+    [
+        ({1, 2}, {3}, {1, 2}),  # another peak is there
+        ({1, 2}, {1}, {2}),  # a hump at 3 would be all
+        ({1, 2, 3}, {2}, {1, 3}),
+        ({1, 2, 3}, set(), set()),
+        ({1}, set(), {1}),
+    ],
+)
+def test_peaks_that_stand_out_are_not_all_left_out(doubted, peaks, left_out):
+    why = dict.fromkeys(doubted, "not determined")
+    assert without_last_peaks(why, {1, 2, 3}, peaks).keys() == left_out
