@@ -294,6 +294,18 @@ def test_the_error_bars_hold_what_is_not_known_of_the_compensation(bare_model):
     assert added[1::2] == pytest.approx(1e-8, rel=0.03)
 
 
+def test_orders_beyond_the_positions_may_be_as_far_off_as_the_mass_shifts_others(bare_model):
+    """Taken for a lower order, what the sensors do to them is not taken off."""
+    first, *others = bare_model.modes
+    beyond = replace(bare_model, modes=(*others, replace(first, order=None)))
+    lower = tuple(replace(mode, pole=0.99 * mode.pole) for mode in beyond.modes)
+    model = with_mass_std(beyond, replace(beyond, modes=lower))
+    known, unknown = model.modes[0], model.modes[-1]
+    assert unknown.frequency_std_hz == pytest.approx(0.01 * unknown.frequency_hz, rel=0.05)
+    assert unknown.damping_std > 0.01 * unknown.damping_ratio
+    assert known.frequency_std_hz < 2e-3 * known.frequency_hz
+
+
 def test_a_drift_is_lost_where_the_bare_tyre_fits_worse(bare_model):
     drifted = replace(bare_model, drift=replace(NO_DRIFT, applied=True))
     worse = replace(bare_model, misfit=2 * bare_model.misfit)
