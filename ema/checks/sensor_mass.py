@@ -90,7 +90,8 @@ def with_mass_std(
     The force of a mass is as wrong as gain and phase of the sensors that tell its motion: a phase
     turns a shift of frequency into damping. What is usual among shifts is that of the modes of
     `usual`, by default the same. Blocks of `frf` blunt sharp resonances. Orders that the positions
-    do not tell are taken for others: their shift may be as large as that of any order.
+    of several runs do not tell are taken for others, which move otherwise from run to run: their
+    shift may be as large as that of any order.
     """
     bare_hz, loaded_hz = model.frequencies_hz, loaded.frequencies_hz
     others_hz = bare_hz if usual is None else usual.frequencies_hz
@@ -104,10 +105,7 @@ def with_mass_std(
     known = np.sqrt(_MASS_KNOWN**2 + (_ACROSS_KNOWN * (1 - _shares(model))) ** 2 + blunted**2)
     unknown = known * np.minimum(shift, 2 * np.median(others))
     variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
-    open_orders = np.array([mode.order is None for mode in model.modes]) & on_circle(
-        model.position_deg
-    )
-    left = np.max(shift[~open_orders], initial=0.0) * open_orders
+    left = _left_of_aliases(model, shift) * (frf is None or len(frf.run_names) > 1)
     variance += np.stack([left * bare_hz, left * model.damping_ratios], axis=1) ** 2
     modes = [
         replace(
@@ -119,6 +117,13 @@ def with_mass_std(
     ]
     covariance = model.covariance + np.diag(variance.ravel())
     return replace(model, modes=tuple(modes), covariance=covariance)
+
+
+def _left_of_aliases(model: ModalModel, shift: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Relative shift of modes whose order the circle does not tell, 0 of all others."""
+    unknown = np.array([mode.order is None for mode in model.modes])
+    unknown &= on_circle(model.position_deg)
+    return np.asarray(np.max(shift[~unknown], initial=0.0) * unknown)
 
 
 def _shares(model: ModalModel) -> NDArray[np.float64]:

@@ -255,7 +255,7 @@ def _mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
     elif compensated is not None and compensated.loads:
         yield f"Corrected to the bare tyre: sensor mass of {_grams(stated)} is compensated."
         if any(mode.order is None for mode in found.model.modes):
-            yield "Modes of unknown order are those with the sensors; their ± holds the shift."
+            yield "Of modes of unknown order, it may be left; their ± holds that."
         if campaign.reference_deg is None and any(run.reference for run in campaign.runs):
             yield "The mass of the reference sensor is not compensated: its angle is not given."
     elif not campaign.runs or compensated is None:
