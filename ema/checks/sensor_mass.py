@@ -90,8 +90,7 @@ def with_mass_std(
     The force of a mass is as wrong as gain and phase of the sensors that tell its motion: a phase
     turns a shift of frequency into damping. What is usual among shifts is that of the modes of
     `usual`, by default the same. Blocks of `frf` blunt sharp resonances. Orders that the positions
-    of several runs do not tell are taken for others, which move otherwise from run to run: their
-    shift may be as large as that of any order.
+    do not tell are taken for others: their shift may be as large as that of any order.
     """
     bare_hz, loaded_hz = model.frequencies_hz, loaded.frequencies_hz
     others_hz = bare_hz if usual is None else usual.frequencies_hz
@@ -105,7 +104,7 @@ def with_mass_std(
     known = np.sqrt(_MASS_KNOWN**2 + (_ACROSS_KNOWN * (1 - _shares(model))) ** 2 + blunted**2)
     unknown = known * np.minimum(shift, 2 * np.median(others))
     variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
-    left = _left_of_aliases(model, shift) * (frf is None or len(frf.run_names) > 1)
+    left = _left_of_aliases(model, shift)
     variance += np.stack([left * bare_hz, left * model.damping_ratios], axis=1) ** 2
     modes = [
         replace(
