@@ -31,8 +31,10 @@ _PRETRIGGER_S = 0.02
 _LONGEST_BLOCK_S = 4.0
 # Distances below this share of the median do not decide on the length of all blocks.
 _USUAL_DISTANCE = 0.6
-# Share of the mean square that the last tenth of a block may have: −13 dB, noise included.
+# Share of the mean square that the last tenth of a block may have, −13 dB, or −7 dB of noise: what
+# rings has more in the tenth before, where it falls to so little by 22 % per tenth.
 _RUNG_OUT, _LAST, _SENSORS = 0.05, 0.1, 6
+_NOISY, _EVEN = 0.2, 0.9
 # Two samples on the extreme of a hit are an overload if there are so many levels that this is no
 # chance; three, unless the top is round: it leaves by fewer steps, or has fewer levels (as of
 # `clipping_and_hum`).
@@ -147,15 +149,18 @@ def _room(events: Sequence[Event], n_samples: int, early: int) -> NDArray[np.int
 
 
 def _rings_out(run: Run, plan: BlockPlan) -> bool:
-    """Whether most sensors are quiet at the end of the blocks."""
+    """Whether most sensors are quiet at the end of the blocks, or see even noise."""
     sensors = run.channels[1 :: max(len(run.channels) // _SENSORS, 1)]
     last = max(int(_LAST * plan.block_samples), 1)
-    left = []
+    left, even = [], []
     for sensor in sensors:
         blocks = [sensor.block(start, start + plan.block_samples) for start in plan.starts]
         power = np.nansum([(block - np.median(block)) ** 2 for block in blocks], axis=0)
-        left.append(power[-last:].mean() / max(power.mean(), np.finfo(float).tiny))
-    return bool(np.median(left) < _RUNG_OUT)
+        at_end = power[-last:].mean()
+        left.append(at_end / max(power.mean(), np.finfo(float).tiny))
+        even.append(at_end > _EVEN * power[-2 * last : -last].mean())
+    noisy = np.median(left) < _NOISY and np.mean(even) > 0.5
+    return bool(np.median(left) < _RUNG_OUT or noisy)
 
 
 def _without_overloads(run: Run, plan: BlockPlan) -> tuple[BlockPlan, Iterator[Finding]]:

@@ -90,8 +90,14 @@ def test_blocks_that_are_asked_for_stay():
     assert not frf.blocks.event_starts
 
 
-def test_hits_on_what_still_rings_stay_one_block():
-    poles = systems.pole(np.array([62.0, 110.0, 165.0]), np.array([5e-4, 5e-4, 5e-4]))
+def test_noise_at_the_end_of_blocks_is_no_ringing():
+    quiet, noisy = (estimate_frf(campaign_of(hammered(noise=share))) for share in (1e-3, 0.3))
+    assert noisy.blocks.n_blocks == quiet.blocks.n_blocks == HITS_S.size
+
+
+@pytest.mark.parametrize("ratio", [5e-4, 1e-3])
+def test_hits_on_what_still_rings_stay_one_block(ratio):
+    poles = systems.pole(np.array([62.0, 110.0, 165.0]), np.full(3, ratio))
     motion = systems.responses_to(hits(), RATE_HZ, poles, RESIDUES)
     frf = estimate_frf(campaign_of(recordings.run(hits(), motion)))
     assert frf.blocks.n_blocks == 1
