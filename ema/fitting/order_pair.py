@@ -267,23 +267,29 @@ def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairF
     """The pair with what half the lines would change in its covariance.
 
     A model that is not quite right shows here: the two estimates differ by more than the variances
-    do (Hausman 1978). Of a member that is hardly driven, half the lines may not even tell on which
-    side of the other one it lies: the driven ones are compared.
+    do (Hausman 1978).
     """
     narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
     found = narrow.minimum(pair.parameters)
     given = found.x, narrow.covariance(found), complex(wide.amplitude), pair.misfit
-    other = narrow.pair_of(*given)
-    one_driven = min(pair.share) < narrow.settings.pair_weakest_share
-    if one_driven and other.stronger != pair.stronger:
-        turned = [2, 3, 0, 1, 4, 5]
-        covariance = other.covariance[np.ix_(turned, turned)]
-        other = replace(other, numbers=other.numbers[turned], covariance=covariance)
-    return with_change(pair, other)
+    return with_change(pair, _matched(pair, narrow.pair_of(*given), narrow.settings))
+
+
+def _matched(pair: PairFit, other: PairFit, settings: IdentificationSettings) -> PairFit:
+    """Another fit of a pair with the driven member in the same place, where one is driven.
+
+    Of a member that is hardly driven, fewer lines or other FRFs may not even tell on which side of
+    the other one it lies.
+    """
+    if other.stronger == pair.stronger or min(pair.share) >= settings.pair_weakest_share:
+        return other
+    turned = [2, 3, 0, 1, 4, 5]
+    covariance = other.covariance[np.ix_(turned, turned)]
+    return replace(other, numbers=other.numbers[turned], covariance=covariance)
 
 
 def with_change(pair: PairFit, other: PairFit) -> PairFit:
-    """The pair with what it changes in another one, of fewer lines, in its covariance."""
+    """The pair with what changes in another one, of fewer lines or other FRFs, in its covariance."""
     change = (other.numbers - pair.numbers) ** 2
     expected = np.maximum(np.diag(other.covariance) - np.diag(pair.covariance), 0.0)
     return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
@@ -319,7 +325,7 @@ def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSet
     """The order with what changes of it in FRFs that are as likely in its ±, and judged anew."""
     if order.pair is None or other.pair is None:
         return order
-    pair = with_change(order.pair, other.pair)
+    pair = with_change(order.pair, _matched(order.pair, other.pair, settings))
     if order.report.pair.verdict is not Pair.RESOLVED:
         report = _reported(order.report.pair, pair)
     elif order.jointly:

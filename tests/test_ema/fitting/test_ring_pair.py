@@ -1,11 +1,14 @@
 """The pair of one order with a known answer: poles, orientation, error bars, verdict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import systems
 
 from ema.core.modes import Pair
-from ema.fitting.order_pair import OrderFrf, fit_pair, order_report
+from ema.core.settings import IDENTIFICATION
+from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, fit_pair, order_report
 from ema.fitting.ring_pair import Known
 
 LINES_HZ = np.arange(200, 400) / 2
@@ -68,6 +71,21 @@ def test_unlike_damping_is_believed_of_members_with_peaks_of_their_own():
     assert np.all(stds[0] > (0.001 * HZ, 0.001)) and np.all(stds[1] < (0.0002 * HZ, 0.0002))
     verdicts = [order_report(4, pair).pair.verdict for pair in (near, apart)]
     assert verdicts == [Pair.NOT_SEPARABLE, Pair.RESOLVED]
+
+
+def test_a_member_that_is_not_driven_may_lie_on_either_side_in_other_frfs():
+    """The driven one was compared with the other, 22 Hz away, and not listed any more."""
+    pair = fitted(order_frf(1.0, 90.0))
+    across = [2, 3, 0, 1, 4, 5]
+    numbers = pair.numbers.copy()
+    driven, other = 2 * pair.stronger, 2 - 2 * pair.stronger
+    numbers[other] = 2 * numbers[driven] - numbers[other]
+    mirrored = replace(pair, numbers=numbers[across], share=pair.share[::-1])
+    known = RingOrder(4, (0,), pair, order_report(4, pair), None, True)
+    held = contradicted(known, replace(known, pair=mirrored), IDENTIFICATION).pair
+    before, after = (np.sqrt(np.diag(each.covariance)) for each in (pair, held))
+    assert after[driven] == pytest.approx(before[driven])
+    assert after[other] > abs(numbers[other] - pair.numbers[other]) / 2
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0])
