@@ -289,7 +289,7 @@ def _matched(pair: PairFit, other: PairFit, settings: IdentificationSettings) ->
 
 
 def with_change(pair: PairFit, other: PairFit) -> PairFit:
-    """The pair with what changes in another one, of fewer lines or other FRFs, in its covariance."""
+    """The pair with what changes in another one, of fewer lines or other FRFs, in its ±."""
     change = (other.numbers - pair.numbers) ** 2
     expected = np.maximum(np.diag(other.covariance) - np.diag(pair.covariance), 0.0)
     return replace(pair, covariance=pair.covariance + np.diag(np.maximum(change - expected, 0.0)))
