@@ -70,7 +70,22 @@ def without_changes_within_runs(
     ]
     covariance = np.array(model.covariance)
     covariance[np.diag_indices_from(covariance)] += np.ravel((hz_std, damping_std), "F") ** 2
-    return replace(model, modes=tuple(modes), covariance=covariance, widened_per_s=widened)
+    share = widened / -poles.real
+    nearest = [np.argmin(np.abs(model.frequencies_hz - each.frequency_hz)) for each in model.orders]
+    return replace(
+        model,
+        modes=tuple(modes),
+        covariance=covariance,
+        orders=tuple(
+            replace(
+                each,
+                damping_ratio=float(each.damping_ratio * (1 - share[k])),
+                damping_std=float(np.hypot(each.damping_std, damping_std[k])),
+            )
+            for each, k in zip(model.orders, nearest, strict=True)
+        ),
+        widened_per_s=widened,
+    )
 
 
 def _widening(

@@ -8,7 +8,7 @@ import systems
 
 from ema.checks.steady_runs import steadiness_findings, without_changes_within_runs
 from ema.core.finding import Check, Verdict
-from ema.core.modes import ModalModel, Mode, ResidualTerms
+from ema.core.modes import ModalModel, Mode, OrderReport, Pair, PairVerdict, ResidualTerms
 from ema.signals.steadiness import Estimate, ModeChange, Steadiness, run_steadiness, steadiness_of
 
 POLES = systems.pole(systems.TABLE_3_HZ, systems.TABLE_3_DAMPING)
@@ -87,7 +87,12 @@ def test_a_change_within_a_run_is_measured_and_named(force):
 def test_the_damping_that_a_change_adds_is_taken_off(force):
     run = run_with(force, 1 + np.linspace(-0.005, 0.005, force.size))
     plain = model()
+    of_pair = PairVerdict(3, Pair.ONE_SEEN, 0.0, "")
+    third = OrderReport(of_pair, plain.frequencies_hz[2], 0.01, plain.damping_ratios[2], 1e-4)
+    plain = replace(plain, orders=(third,))
     changed = without_changes_within_runs(plain, steadiness_of([run], FRF, plain))
+    assert changed.orders[0].damping_ratio == pytest.approx(changed.damping_ratios[2], rel=1e-6)
+    assert changed.orders[0].damping_std == pytest.approx(changed.modes[2].damping_std)
     # Of one pole fitted to all lines, and to the peak alone.
     least, most = (share * 0.01**2 / (12 * plain.damping_ratios) for share in (1.0, 2.0))
     taken = plain.damping_ratios - changed.damping_ratios
