@@ -47,6 +47,7 @@ from ema.fitting.search import curve_fit
 from ema.poles.estimators import widened_band
 from ema.poles.stability import StabilityDiagram, build_stability, select_poles
 from ema.poles.tracking import PoleSelection
+from ema.signals.leakage import without_left_out_lines
 
 # A force of wrong sign first, then the sensors, then a look at what is left.
 _CONSISTENCY_PASSES = 3
@@ -179,7 +180,7 @@ class State:
     @cached_property
     def fitted(self) -> FRF:
         """What is fitted."""
-        return without_mass(self.usable, self.mass)
+        return without_mass(without_left_out_lines(self.usable), self.mass)
 
     def knowing(self, **known: Any) -> State:
         """The same with more that is known of the mass of the sensors, as of `SensorMass`."""

@@ -36,6 +36,7 @@ from ema.signals.frf_of_spectra import (
     reference_frf,
     with_given_averages,
 )
+from ema.signals.leakage import with_coherent_tones
 from ema.signals.spectra import Spectra, measure_spectra
 
 # A run whose force is this far below the median of the runs has no excitation: hits by hand and
@@ -195,7 +196,7 @@ def _of_one_place(
     """FRFs of runs whose first force acts at one place."""
     runs, spectra = [each.run for each in measured], [each.spectra for each in measured]
     plan = min((each.plan for each in measured), key=lambda each: each.n_blocks)
-    frf = positions_frf(runs, spectra, plan, estimator)
+    frf = with_coherent_tones(positions_frf(runs, spectra, plan, estimator))
     reference = reference_frf(runs, reference_deg, spectra, plan, estimator)
     forces = {
         run.name: ForceRecord(run.force, each.plan)

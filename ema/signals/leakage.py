@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +20,11 @@ from ema.core.recording import BlockPlan
 SMOOTHING_LINES = 21
 # A line whose σ is this many times the level around it carries hum or another tone.
 _SPIKE = 3.0
+# A line of the mains whose FRF is off the middle of its neighbours by so many times what it is two
+# lines farther on carries a tone: a resonance would have to be 20 times narrower than a line.
+_MAINS_HZ, _OFF = (50.0, 60.0), 100.0
+# Of σ of a line that counts no more.
+_LEFT_OUT, _SAYS_NOTHING = 100.0, 50.0
 # Coherence below this says nothing; in a file it is rounded to steps of about this.
 _LEAST_COHERENCE, _COHERENCE_STEP = 1e-3, 1e-5
 # Averages and lines that one value rests on: noise alone has a coherence of about 1/20.
@@ -79,6 +84,46 @@ def without_spikes(
         good = ~spikes[row]
         values[row] = np.interp(number, number[good], values[row, good])
     return values
+
+
+def with_coherent_tones(frf: FRF) -> FRF:
+    """FRFs without weight on lines of the mains whose tones keep their phase in all blocks.
+
+    Blocks of a force that repeats are often whole periods of the mains as well: nothing scatters.
+    """
+    if not np.all(np.isfinite(frf.std)) or frf.frequency_hz.size < 7:
+        return frf
+    off = np.zeros(frf.values.shape)
+    middle = (frf.values[:, :-2] + frf.values[:, 2:]) / 2
+    off[:, 1:-1] = np.abs(frf.values[:, 1:-1] - middle)
+    std, step_hz = frf.std.copy(), float(np.median(np.diff(frf.frequency_hz)))
+    for mains_hz in _MAINS_HZ:
+        for line in np.flatnonzero(_is_multiple(frf.frequency_hz, mains_hz, step_hz)):
+            beside = np.fmax(off[:, line - 2], off[:, line + 2])
+            if np.median(off[:, line] / np.maximum(beside, np.finfo(float).tiny)) > _OFF:
+                std[:, line] = np.hypot(std[:, line], _LEFT_OUT * off[:, line])
+    return replace(frf, std=std)
+
+
+def without_left_out_lines(frf: FRF) -> FRF:
+    """FRFs with lines that say nothing in most rows, σ far above them, as their neighbours are."""
+    size = np.maximum(np.abs(frf.values), np.finfo(float).tiny)
+    nothing = np.median(frf.std / size, axis=0) > _SAYS_NOTHING
+    if not np.any(nothing) or np.all(nothing):
+        return frf
+    number = np.arange(nothing.size)
+    values = [np.interp(number, number[~nothing], row[~nothing]) for row in frf.values]
+    return replace(frf, values=np.array(values))
+
+
+def _is_multiple(
+    frequency_hz: NDArray[np.float64], of_hz: float, step_hz: float
+) -> NDArray[np.bool_]:
+    """Lines that are multiples of a frequency, none of the first and last three."""
+    number = np.round(frequency_hz / of_hz)
+    near = (number > 0) & (np.abs(frequency_hz - number * of_hz) < step_hz / 4)
+    near[:3], near[-3:] = False, False
+    return near
 
 
 @kept_with
