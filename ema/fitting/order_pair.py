@@ -313,11 +313,16 @@ def _with_likeness(pair: PairFit, settings: IdentificationSettings) -> PairFit:
 
 
 def poles_shown(poles: Complex, ring: Sequence[RingOrder]) -> Complex:
-    """Poles of a fit, moved to what their orders show where that is beyond the half-width."""
+    """Poles of a fit, moved to what their orders show where that is beyond the half-width.
+
+    A further resonance not to where another pole is: one would explain what the other leaves.
+    """
     moved = poles.copy()
     for each in ring:
-        if each.pair and abs(each.pair.mean - poles[each.key]) > -each.pair.mean.real:
-            moved[each.key] = each.pair.mean
+        shown = each.pair.mean if each.pair else poles[each.key]
+        near = np.abs(poles - shown) < -shown.real
+        if not (near[each.key] if each.is_main else np.any(near)):
+            moved[each.key] = shown
     return moved
 
 
