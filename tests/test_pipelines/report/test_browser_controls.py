@@ -123,11 +123,11 @@ def test_the_nyquist_plot_follows_the_position(frf_page, sample_result):
 def test_previous_and_next_stop_at_the_ends(frf_page):
     choose(frf_page, 1)
     for button, index in ((PREVIOUS, 0), (PREVIOUS, 0), (NEXT, 1), (NEXT, 2)):
-        frf_page.find(button).click()
+        frf_page.click(button)
         assert chosen(frf_page) == index
         assert frf_page.texts(f"{SELECT} option")[index] in frf_page.texts(SAID)[0]
     choose(frf_page, 71)
-    frf_page.find(NEXT).click()
+    frf_page.click(NEXT)
     assert chosen(frf_page) == 71
 
 
@@ -180,10 +180,10 @@ def moves(shapes):
 
 def test_shapes_rest_until_played_and_when_paused(shapes_page):
     assert not moves(frames(shapes_page))
-    shapes_page.find(PLAY).click()
+    shapes_page.click(PLAY)
     assert shapes_page.texts(PLAY) == ["Pause"]
     assert moves(frames(shapes_page))
-    shapes_page.find(PLAY).click()
+    shapes_page.click(PLAY)
     assert shapes_page.texts(PLAY) == ["Play"]
     assert not moves(frames(shapes_page))
 

@@ -155,9 +155,9 @@ def test_a_click_sets_aside_and_undo_brings_back(bench):
     assert said.startswith(f"Set aside {name}")
     assert "χ²" in said
     assert said.endswith("final")
-    bench.find("#undo").click()
+    bench.click("#undo")
     assert listed(settled(bench, cursor=0)) == listed(before)
-    bench.find("#redo").click()
+    bench.click("#redo")
     assert listed(settled(bench, cursor=1)) == listed(after)
 
 
@@ -227,13 +227,13 @@ def test_lists_are_one_stop_of_the_tab_key(bench):
 def test_every_edit_is_in_the_lists_too(bench):
     """A mode by its button, a pole by the list of poles, a flip by the list of channels."""
     first = bench.js(STATE)["modes"][0]["name"]
-    bench.find(f"[data-focus='toggle {first}']").click()
+    bench.click(f"[data-focus='toggle {first}']")
     assert first not in listed(settled(bench, cursor=1))
-    bench.find("[data-focus='flip 3']").click()
+    bench.click("[data-focus='flip 3']")
     channel = settled(bench, cursor=2)["channels"][3]
     assert (channel["sign"], channel["by_hand"]) == (-1, True)
-    bench.find("[data-focus='poles']").click()
-    bench.find("#table tbody tr td:last-child button").click()
+    bench.click("[data-focus='poles']")
+    bench.click("#table tbody tr td:last-child button")
     assert settled(bench, cursor=3)["edits"][2]["kind"] in ("pick", "keep")
 
 
@@ -249,7 +249,7 @@ def test_gain_start_and_note_are_asked_for(bench):
     assert (start["kind"], start["mode"]) == ("start", bench.js(STATE)["modes"][0]["name"])
     bench.click("[data-focus='note']")
     press(bench, "warm tyre")
-    bench.find("#ok").click()
+    bench.click("#ok")
     note = settled(bench, cursor=3)["edits"][2]
     assert (note["kind"], note["reason"]) == ("note", "warm tyre")
 
@@ -316,7 +316,7 @@ def test_sign_off_writes_a_new_folder(bench, lab):
     for selector, text in (("#signer", "A. Keller"), ("#note", "fixture"), ("#folder", "signed")):
         bench.find(selector).clear()
         bench.find(selector).send_keys(text)
-    bench.find("#sign").click()
+    bench.click("#sign")
     bench.wait("return document.querySelector('dialog .good') !== null")
     assert "--edits" in bench.texts("dialog code")[0]
     record = read_edits(lab / "signed" / "edits.toml")
@@ -368,7 +368,7 @@ def test_landing_comparison_and_watch(home, server):
     bare(home, WIDTHS_PX[0])
     for box in home.find_all("td [type=checkbox]")[:2]:
         box.click()
-    home.find("#compare").click()
+    home.click("#compare")
     home.wait(
         "return location.pathname === '/compare' && document.querySelector('.names') !== null"
     )
