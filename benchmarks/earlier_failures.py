@@ -180,17 +180,7 @@ def _options(band_hz: tuple[float, float] | None) -> Options:
 
 
 def _rows(result: Result) -> list[Row]:
-    return [
-        Row(
-            mode.frequency_hz,
-            mode.damping_ratio,
-            mode.frequency_std_hz,
-            mode.damping_std,
-            mode.order,
-            mode.doubtful,
-        )
-        for mode in result.modal_model.modes
-    ]
+    return [Row.of(mode) for mode in result.modal_model.modes]
 
 
 def _largest_z(found: Score) -> list[float]:

@@ -166,17 +166,7 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
         result.seconds = time.perf_counter() - start
         steadiness = steadiness_of(campaign.runs, found.frf, found.model)
         model = without_changes_within_runs(found.model, steadiness)
-        rows = [
-            Row(
-                mode.frequency_hz,
-                mode.damping_ratio,
-                mode.frequency_std_hz,
-                mode.damping_std,
-                mode.order,
-                mode.doubtful,
-            )
-            for mode in model.modes
-        ]
+        rows = [Row.of(mode) for mode in model.modes]
         result.ours = score(truth, rows, BAND_HZ)
         result.warnings = sum(not finding.is_ok for finding in found.findings)
         if not any(getattr(effects, name) for name in DAMAGED):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from ema.core.modes import Mode
 from pipelines.simulate.laboratory import LaboratoryMode
 
 # A member of a pair is driven if it has at least this share of its order's strength …
@@ -38,6 +39,18 @@ class Row:
     damping_std: float = float("nan")
     order: int | None = None
     doubtful: bool = False
+
+    @classmethod
+    def of(cls, mode: Mode) -> Row:
+        """A mode as ringmodal lists it."""
+        return cls(
+            mode.frequency_hz,
+            mode.damping_ratio,
+            mode.frequency_std_hz,
+            mode.damping_std,
+            mode.order,
+            mode.doubtful,
+        )
 
 
 @dataclass(frozen=True)
