@@ -1,6 +1,6 @@
 """What a tyre that changes within a run does to its modes: findings, and damping ratios without it.
 
-The damping that a change adds is taken off (docs/identification.md, "Change within a run").
+Damping ratios are corrected for what a change adds (docs/identification.md, "Change within a run").
 """
 
 from __future__ import annotations

@@ -92,7 +92,7 @@ class Mode(ReadonlyArrays):
     residues : ndarray of complex, shape (n_positions,)
         A_i in H_i = −ω² Σ_r [A_ir/(jω−s_r) + A*_ir/(jω−s*_r)] + L_i − ω² U_i.
     residues_std : ndarray, shape (n_positions,)
-        Standard deviation of the real and of the imaginary part of the residues.
+        Standard deviation of their real and of their imaginary part.
     order : int or None
         Circumferential order n; None where there is no circle of sensors.
     member : str
@@ -101,18 +101,15 @@ class Mode(ReadonlyArrays):
         Share of the shape's power in its circumferential order; NaN without a circle.
     pair : Pair
         Which members of its order's pair are seen.
-    flags : tuple of Flag
-        What the reader of the numbers must know; empty where nothing is wrong.
-    remark : str
-        Why the flags were set, in words.
+    flags, remark : tuple of Flag, str
+        What its reader must know, and why; empty where nothing is wrong.
     frequency_band_shift_hz, damping_band_shift : float
-        Largest change when the band loses lines at either end; not part of the standard
-        deviations. NaN next to the ends.
+        Largest change when the band loses lines at either end, no part of the ±; NaN next to it.
     chosen : Chosen
         Who put it on the list.
     modal_mass_kg, modal_mass_std_kg, modal_mass_spread : float
-        Mass of the shape with a largest part of 1, its ±, and how far the driving points of
-        several forces are apart (relative, weighted RMS); NaN where unknown.
+        Mass of the shape with a largest part of 1, its ±, and how far several driving points are
+        apart (relative, weighted RMS); NaN where unknown.
 
     Examples
     --------
@@ -223,16 +220,14 @@ class ModalModel(ReadonlyArrays):
         Modes just outside the band; part of the fit, not of the result.
     residual_terms : ResidualTerms
         Everything farther away.
-    band_hz : tuple of float
-        Band of the result.
-    fit_band_hz : tuple of float
-        Band of the lines that were fitted.
+    band_hz, fit_band_hz : tuple of float
+        Band of the result, and of the lines that were fitted.
     covariance : ndarray, shape (2 n_modes, 2 n_modes)
         Covariance of (frequency_hz, damping_ratio) of `modes`, mode by mode.
     frac : ndarray, shape (n_positions,)
-        Frequency response assurance criterion, measured against fitted, over the fitted lines.
+        Frequency response assurance criterion over the fitted lines.
     misfit : float
-        Reduced χ² of the fit: 1 where the residuals are as large as the noise.
+        Reduced χ² of the fit, 1 for noise alone.
     node, position_deg, axis : ndarray, shape (n_positions,)
         Where the rows are, as in `FRF`.
     drift : Drift
@@ -240,12 +235,11 @@ class ModalModel(ReadonlyArrays):
     orders : tuple of OrderReport
         Verdict on the pair of each order of the ring, and what the order says by itself.
     exponential_window : ExponentialWindow or None
-        Window that the analyser applied, whose damping the modes do not have.
+        That of the analyser, whose damping the modes do not have.
     widened_per_s : ndarray, shape (n_modes,)
-        Decay rates that changes within the runs seem to add, which `modes` do not have; empty
-        where there are none.
+        Decay rates that changes within the runs add to what is seen of `modes`; else empty.
     notes : tuple of str
-        What was assumed, dropped or reached a bound, in words.
+        What was assumed or dropped, in words.
 
     Examples
     --------
@@ -300,8 +294,8 @@ class ModalModel(ReadonlyArrays):
         ----------
         frequency_hz : ndarray, shape (n_frequencies,)
         run : sequence of str, optional
-            Run of each position, to see each as it was measured: in the state of its run, with
-            the window of the analyser. Without it, all in the state of the first run.
+            Run of each position, to see each as it was measured, in the state of its run. Without
+            it, all in that of the first run.
         rows : slice, optional
             Positions that are wanted.
         """
@@ -317,17 +311,13 @@ class ModalModel(ReadonlyArrays):
     def poles_and_residues(
         self, *, as_measured: bool = False
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Poles and residues, (n_positions, n_modes), of all modes.
-
-        As measured, they have the damping that a window and changes within the runs add.
-        """
+        """Poles and residues, (n_positions, n_modes); as measured with all damping that is seen."""
         everything = self.modes + self.guard_modes
         poles = np.array([mode.pole for mode in everything])
         residues = np.stack([mode.residues for mode in everything], axis=1)
         if not as_measured:
             return poles, residues
-        seen: NDArray[np.complex128] = poles.astype(complex)
-        seen[: self.widened_per_s.size] -= self.widened_per_s
+        seen = poles - np.pad(self.widened_per_s, (0, poles.size - self.widened_per_s.size))
         if self.exponential_window is None:
             return seen, residues
         windowed = np.asarray(seen - self.exponential_window.decay_per_s, dtype=complex)
@@ -367,14 +357,14 @@ class ModalModel(ReadonlyArrays):
         return {"mode": [*range(1, len(self.modes) + 1)], **columns_of(self.modes, self.columns)}
 
     def plot(self, ax: Any = None, *, mode: int | None = None) -> Any:
-        """Draw the shapes of all modes, or of one, on axes of matplotlib, and return these.
+        """Draw the shapes of all modes, or of one, on axes of matplotlib; return these.
 
         Parameters
         ----------
         ax : Axes or array of Axes, optional
-            Default: those of a new figure of pyplot. All modes need one each.
+            Default: those of a new figure of pyplot, one for each mode.
         mode : int, optional
-            Number of the mode in the table, from 1.
+            Number in the table, from 1.
         """
         return plot(self, ax, mode=mode)
 

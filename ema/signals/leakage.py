@@ -93,16 +93,28 @@ def with_coherent_tones(frf: FRF) -> FRF:
     """
     if not np.all(np.isfinite(frf.std)) or frf.frequency_hz.size < 7:
         return frf
-    off = np.zeros(frf.values.shape)
-    middle = (frf.values[:, :-2] + frf.values[:, 2:]) / 2
-    off[:, 1:-1] = np.abs(frf.values[:, 1:-1] - middle)
-    std, step_hz = frf.std.copy(), float(np.median(np.diff(frf.frequency_hz)))
-    for mains_hz in _MAINS_HZ:
-        for line in np.flatnonzero(_is_multiple(frf.frequency_hz, mains_hz, step_hz)):
-            beside = np.fmax(off[:, line - 2], off[:, line + 2])
-            if np.median(off[:, line] / np.maximum(beside, np.finfo(float).tiny)) > _OFF:
-                std[:, line] = np.hypot(std[:, line], _LEFT_OUT * off[:, line])
+    lines, std = _of_mains(frf.frequency_hz), frf.std.copy()
+    off, before, after = (_off_its_neighbours(frf.values, lines + k) for k in (0, -2, 2))
+    beside = np.maximum(np.fmax(before, after), np.finfo(float).tiny)
+    tones = np.median(off / beside, axis=0) > _OFF
+    std[:, lines[tones]] = np.hypot(std[:, lines[tones]], _LEFT_OUT * off[:, tones])
     return replace(frf, std=std)
+
+
+def _off_its_neighbours(
+    values: NDArray[np.complex128], lines: NDArray[np.int_]
+) -> NDArray[np.float64]:
+    middle = (values[:, lines - 1] + values[:, lines + 1]) / 2
+    return np.asarray(np.abs(values[:, lines] - middle))
+
+
+def _of_mains(frequency_hz: NDArray[np.float64]) -> NDArray[np.int_]:
+    """Lines at multiples of the mains, none of the first and last three."""
+    inside = frequency_hz[3:-3, None]
+    number = np.round(inside / _MAINS_HZ)
+    away = np.abs(inside - number * _MAINS_HZ)
+    near = (number > 0) & (away < np.median(np.diff(frequency_hz)) / 4)
+    return 3 + np.flatnonzero(near.any(axis=1))
 
 
 def without_left_out_lines(frf: FRF) -> FRF:
@@ -114,16 +126,6 @@ def without_left_out_lines(frf: FRF) -> FRF:
     number = np.arange(nothing.size)
     values = [np.interp(number, number[~nothing], row[~nothing]) for row in frf.values]
     return replace(frf, values=np.array(values))
-
-
-def _is_multiple(
-    frequency_hz: NDArray[np.float64], of_hz: float, step_hz: float
-) -> NDArray[np.bool_]:
-    """Lines that are multiples of a frequency, none of the first and last three."""
-    number = np.round(frequency_hz / of_hz)
-    near = (number > 0) & (np.abs(frequency_hz - number * of_hz) < step_hz / 4)
-    near[:3], near[-3:] = False, False
-    return near
 
 
 @kept_with

@@ -49,7 +49,6 @@ _OF_FURTHER = (
     *("excitation_deg", "force_node", "force_axis"),
     *("blocks", "n_effective", "exponential_window"),
 )
-
 _ATTEMPTS = 20  # another process may keep replacing the result
 _SMALLEST_RESIDUE = 1e-100  # far below any measured inertance; its square is still a double
 
