@@ -35,7 +35,7 @@ from ema.circumference.orders import on_circle, without_order
 from ema.core.edits import Edit, EditKind
 from ema.core.errors import FitError, InputError
 from ema.core.finding import Finding
-from ema.core.frf import FRF
+from ema.core.frf import FRF, TYRE_BAND_HZ
 from ema.core.modes import ModalModel
 from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings
@@ -54,6 +54,9 @@ _CONSISTENCY_PASSES = 3
 # Compensations of the sensors' mass run by run, each with a tenth of what a drift does to it, and
 # with the pairs that were found.
 _DRIFT_PASSES, _MASS_PASSES = 2, 2
+# Masses are compensated up to this many times the end of the band: orders that resonate far above
+# are too many to be told apart, and recordings at 4 kHz took five times as long.
+_COMPENSATED = 1.5
 _ANGLES_IN_DOUBT = "the angles of the sensors are in doubt"
 
 
@@ -75,7 +78,7 @@ def automatic_basis(frf: FRF, asked: Asked, edits: Sequence[Edit]) -> Basis:
     positions = check_positions(usable, poles[1], asked.band_hz, asked.checks)
     state = state.told(position_findings(positions, frf))
     if positions.orders_hold:
-        state = replace(state, mass=asked.sensor_mass)
+        state = replace(state, mass=asked.loading)
         return replace(_consistent(state, asked, poles, positions), edits=edits)
     elsewhere = replace(usable, position_deg=moved(usable, positions.moves))
     fit = asked.fit(elsewhere, poles)
@@ -132,6 +135,12 @@ class Asked:
     settings: IdentificationSettings
     checks: CheckSettings
     wanted: tuple[Wish, ...] = ()  # poles to start from where the diagram shows no mode
+
+    @property
+    def loading(self) -> SensorMass | None:
+        """The masses as they are compensated: as far as the fit and orders near the band reach."""
+        upper_hz = _COMPENSATED * max(self.band_hz[1], TYRE_BAND_HZ[1])
+        return self.sensor_mass and replace(self.sensor_mass, upper_hz=upper_hz)
 
     def diagram(self, frf: FRF | References, method: str | None = None) -> StabilityDiagram:
         """Stability diagram of the asked method or another one."""

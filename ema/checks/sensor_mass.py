@@ -21,6 +21,7 @@ _MASS_KNOWN = 0.01
 # How a pair answers across the force is found from its FRFs along it, to a tenth (laboratory
 # tyres), of which a member has more the less the force drives it.
 _ACROSS_KNOWN = 0.1
+_LINE_ARRAYS, _FEWEST_LINES = ("values", "coherence", "std"), 8
 # A position this near the force is the drive point.
 _AT_FORCE_DEG = 2.5
 # A resonance of half-width b, in lines of a Hann window, loses this share over b² of its height,
@@ -49,6 +50,8 @@ class SensorMass:
     across : mapping
         What pairs show across the force, by order: poles and residues, see
         `ema.circumference.mass_loading.Across`.
+    upper_hz : float or None
+        Highest line that is compensated; None for all.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class SensorMass:
     drift: Drift = NO_DRIFT
     own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     across: Across = field(default_factory=dict)
+    upper_hz: float | None = None
 
     @property
     def loads(self) -> bool:
@@ -136,11 +140,13 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
     """FRFs without the mass of the sensors, where it is known and the positions are a circle."""
     if sensor_mass is None or not on_circle(frf.position_deg):
         return frf
+    upper_hz = frf.frequency_hz[-1] if sensor_mass.upper_hz is None else sensor_mass.upper_hz
+    lines = slice(0, max(int(np.searchsorted(frf.frequency_hz, upper_hz, "right")), _FEWEST_LINES))
     if not sensor_mass.loads:
         about = sensor_mass.live_mass_kg, sensor_mass.excitation_deg, sensor_mass.drift
-        return without_live_mass(frf, *about)
-    return unloaded(
-        frf,
+        return _with_lines(frf, lines, without_live_mass(_lines(frf, lines), *about))
+    bare = unloaded(
+        _lines(frf, lines),
         sensor_mass.sensors_deg,
         sensor_mass.own_kg or sensor_mass.mass_kg,
         sensor_mass.excitation_deg,
@@ -148,6 +154,24 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
         sensor_mass.live_mass_kg,
         sensor_mass.across,
     )
+    return _with_lines(frf, lines, bare)
+
+
+def _lines(frf: FRF, lines: slice) -> FRF:
+    """Some lines of FRFs."""
+    of_lines = {name: getattr(frf, name)[:, lines] for name in _LINE_ARRAYS}
+    fixed = frf.reference and _lines(frf.reference, lines)
+    return replace(frf, frequency_hz=frf.frequency_hz[lines], reference=fixed, **of_lines)
+
+
+def _with_lines(frf: FRF, lines: slice, some: FRF) -> FRF:
+    """FRFs with what `_lines` of them have become."""
+    arrays = {name: getattr(frf, name).copy() for name in _LINE_ARRAYS}
+    for name, whole in arrays.items():
+        whole[:, lines] = getattr(some, name)
+    own, fixed = frf.reference, some.reference
+    joined = None if own is None or fixed is None else _with_lines(own, lines, fixed)
+    return replace(frf, reference=joined, **arrays)
 
 
 def sensors_of_runs(campaign: Campaign) -> dict[str, NDArray[np.float64]]:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.ndimage import median_filter
 
 from ema.circumference.orders import circle_basis, highest_order, pull_on_waves, stretch_hz
+from ema.circumference.sensor_pull import mass_push, moved, orientations
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS
@@ -24,30 +25,16 @@ Across = Mapping[int, tuple[Complex, Complex]]  # by order, poles in rad/s and r
 _LIVE_PASSES = 6
 # Factors of the live mass that change by less are known as well as the sensors are.
 _LIVE_KNOWN = 1e-3
+# Noise alone has twice its variance per quadrature; lines of less than this many have no response.
+_NOISE_ONLY, _LINES_OF_LEVEL = 3.0, 9
 # Orders that may have resonances near 300 Hz, some ten, and tails of such. With eight only, six
 # sensors in twelve runs gave FRFs that were wrong by a half; those above answer by their stiffness.
 _TYRE_ORDERS = 16
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
-# How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
-# stiffness varies by 1 % around it, benchmarks/laboratory.py.
-_TURNED = 0.05
 # Orientation, turn and motion along the belt are found from the mean of all runs with sensors on,
 # then from FRFs without sensors and what the sensors of each run make of them.
 _PASSES = 2
-# No orientation makes ss differ from cc by more than this factor of it: such a contrast is noise.
-_FARTHEST = 2.0
-# … nor does k12 tell it within so many standard deviations of 0 (lines are not independent).
-_COUPLED = 10.0
-# Lines as clear as this share of the clearest one belong to the resonance.
-_RESONANT = 0.1
-_LINES_AT_ONCE = 200
-# Before the runs are asked, ss is known from the orientation of a pair to this share of cc (1 σ).
-_KNOWN = 0.1
-# It is not known where the weaker member has less than this share: its orientation does not show.
-_ONE_SIDED = 0.02
-# As `_KNOWN`, where both members of a pair are known.
-_SEEN_WHOLE = 0.03
 
 
 def unloaded(
@@ -78,9 +65,10 @@ def unloaded(
     loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}
     average = without_live_mass(frf, live_mass_kg, excitation_deg, drift)
     bare, at_force = _bared(average, *loading)
+    mass_kg_of_lines = live_mass_kg * _has_response(frf)
     before: Complex | float = 0.0
     for _ in range(_LIVE_PASSES if live_mass_kg else 0):
-        factors = {name: 1 + live_mass_kg * own for name, own in at_force.items()}
+        factors = {name: 1 + mass_kg_of_lines * own for name, own in at_force.items()}
         now = np.array(list(factors.values()))
         if np.max(np.abs(now - before)) < _LIVE_KNOWN:
             break
@@ -118,7 +106,7 @@ def _bared(
         # differently from run to run, 0.5° were four times worse than no compensation at all.
         scatter = np.linalg.norm(left, axis=0) / np.sqrt(max(len(left) - len(seen), 1))
         assumed = np.maximum(noise, scatter)
-        pairs = _pairs(rows.frequency_hz, seen, assumed)
+        pairs = orientations(rows.frequency_hz, seen, assumed)
         stretch = stretch_hz(rows.frequency_hz, seen[0], pairs[3], assumed)
         pulls = {
             name: pull_on_waves(
@@ -145,7 +133,7 @@ def _bared(
     values = rows.values + np.array([row @ taken[k] for row, k in zip(basis, run, strict=True)])
     bare = _apart(frf, fixed, values)
     drive = np.tile(_drive_point(bare, excitation_deg), (len(names), 1, 1))
-    at_force = _moved(rows.frequency_hz, drive, -shift)[:, 0]
+    at_force = moved(rows.frequency_hz, drive, -shift)[:, 0]
     at_force -= taken[:, :1].sum(axis=1) + taken[:, 1::2].sum(axis=1)  # only cosines move the force
     return bare, dict(zip(names, at_force, strict=True))
 
@@ -218,9 +206,9 @@ def without_live_mass(
     names = list(dict.fromkeys(frf.run))
     shift = _shifts(drift, names, frf.frequency_hz)
     of_rows = shift[[names.index(name) for name in frf.run]]
-    alike = replace(frf, values=_moved(frf.frequency_hz, frf.values[:, None], of_rows)[:, 0])
-    drive = _drive_point(alike, excitation_deg)
-    of_runs = _moved(frf.frequency_hz, np.tile(drive, (len(names), 1, 1)), -shift)[:, 0]
+    alike = replace(frf, values=moved(frf.frequency_hz, frf.values[:, None], of_rows)[:, 0])
+    drive = _drive_point(alike, excitation_deg) * _has_response(frf)
+    of_runs = moved(frf.frequency_hz, np.tile(drive, (len(names), 1, 1)), -shift)[:, 0]
     factors = {name: 1 / (1 - mass_kg * own) for name, own in zip(names, of_runs, strict=True)}
     return _scaled(frf, factors, 1 / (1 - mass_kg * drive))
 
@@ -230,6 +218,14 @@ def _drive_point(frf: FRF, excitation_deg: float) -> Complex:
     highest = highest_order(frf.position_deg)
     waves = np.linalg.pinv(circle_basis(frf.position_deg, highest)) @ frf.values
     return np.asarray((circle_basis(np.array([excitation_deg]), highest) @ waves)[0])
+
+
+def _has_response(frf: FRF) -> NDArray[np.bool_]:
+    """Lines that are more than noise; beyond the force's band it would be taken for a response."""
+    power, noise = (np.mean(np.abs(each) ** 2, axis=0) for each in (frf.values, frf.std))
+    known = noise > 0
+    ratio = np.where(known, power / np.where(known, noise, 1.0), np.inf)
+    return np.asarray(median_filter(ratio, _LINES_OF_LEVEL) > _NOISE_ONLY)
 
 
 def _scaled(frf: FRF, factors: dict[str, Complex], others: Complex) -> FRF:
@@ -272,95 +268,6 @@ def _noise_of_lines(frf: FRF) -> Real:
     return np.asarray(np.fmax(np.median(frf.std, axis=0), floor))
 
 
-def mass_push(
-    frequency_hz: Real,
-    values: Complex,
-    noise: Real,
-    basis: Real,
-    pull: Complex,
-    run: NDArray[np.int_],
-    shift: Real,
-    across: Complex,
-    seen: Complex,
-    pairs: Real,
-) -> tuple[Complex, Complex, Complex, Complex]:
-    """What the sensors' mass takes from the waves of a ring, by least squares line by line.
-
-    Measured are H_i = Σ_n b_n(θ_i)ᵀ C_n (u_n − p_n) with the sensors' pull p_n = m Σ_k b_n(θ_k) H_k
-    in the same run; linear in cc, cs and ss of every order. The force drives u_n = (1, t_n): other
-    orders in the modes of an uneven tyre turn it.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n_rows, n_frequencies)
-        Inertances, with standard deviation `noise`, above 0, of each line.
-    basis : ndarray, shape (n_rows, n_waves)
-        That of `ema.circumference.orders.circle_basis`.
-    pull : ndarray, shape (n_runs, n_waves, n_frequencies)
-        Pull of the sensors of each run on each wave per unit force.
-    run : ndarray, shape (n_rows,)
-        Run of each row.
-    shift : ndarray, shape (n_runs, n_frequencies)
-        How far its natural frequencies are from the mean.
-    across : ndarray, shape (n_orders, n_frequencies)
-        ss − cc, or NaN.
-    seen : ndarray, shape (n_waves, n_frequencies)
-        Waves as far as they are known.
-    pairs : ndarray, shape (4, n_orders)
-        What they show of each order, see `_orientation`.
-
-    Returns
-    -------
-    taken, with_sensors : ndarray, shape (n_runs, n_waves, n_frequencies)
-        C_n p_n, and waves that are left.
-    bare : ndarray, shape (n_waves, n_frequencies)
-        Waves without sensors.
-    left : ndarray, shape (n_rows, n_frequencies)
-        What these waves and the sensors do not explain.
-    """
-    given, apart = np.all(np.isfinite(across), axis=1), np.nan_to_num(across)
-    # All in the state between the runs: what a drift does must not be taken for the sensors' doing.
-    alike = _moved(frequency_hz, pull, shift)
-    middle = _moved(frequency_hz, values[:, None], shift[run])[:, 0]
-    contrast, spread = np.where(given, [[0.0], [_SEEN_WHOLE]], pairs[:2])
-    turned, size = pairs[2], np.abs(seen[1::2]) + np.abs(apart)
-    trust = noise / np.maximum(spread[:, None] * size, 1e-6 * noise)
-    driven = _taken(np.eye(basis.shape[1]), _force(turned))
-    shaken = basis @ driven
-    found, left = np.empty((noise.size, shaken.shape[1]), dtype=complex), np.empty_like(middle)
-    parts = [slice(k, k + _LINES_AT_ONCE) for k in range(0, noise.size, _LINES_AT_ONCE)]
-    for lines in parts:
-        of_rows = np.moveaxis(alike[:, :, lines], 2, 0)[:, run]
-        prior = _prior(contrast, trust[:, lines].T)
-        system = np.concatenate([shaken - _taken(basis, of_rows), prior], axis=1)
-        told = (trust[:, lines] * apart[:, lines]).T
-        right = np.concatenate([middle[:, lines].T, told], axis=1)
-        adjoint = system.conj().transpose(0, 2, 1)
-        solved = np.linalg.solve(adjoint @ system, adjoint @ right[:, :, None])
-        found[lines] = solved[:, :, 0]
-        left[:, lines] = (right[:, :, None] - system @ solved)[:, : len(values), 0].T
-    states = _moved(frequency_hz, np.broadcast_to(found.T, (len(shift), *found.T.shape)), -shift)
-    taken = np.array([_answer(own, each) for own, each in zip(pull, states, strict=True)])
-    return taken, driven @ states - taken, driven @ found.T, left
-
-
-def _force(turned: Real) -> Real:
-    """Waves that the force drives, (n_waves,)."""
-    return np.append(1.0, np.stack([np.ones(turned.size), turned], axis=1).ravel())
-
-
-def _moved(frequency_hz: Real, values: Complex, shift: Real) -> Complex:
-    """FRFs, (n, any, n_lines), of states whose frequencies are higher by `shift`, (n, n_lines)."""
-    if not np.any(shift):
-        return values
-    return np.asarray(
-        [
-            make_interp_spline(frequency_hz, own.T)(frequency_hz * (1 + by)).T
-            for own, by in zip(values, shift, strict=True)
-        ]
-    )
-
-
 def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
     """How far the natural frequencies of each run are from the mean, (n_runs, n_frequencies)."""
     shift = np.zeros((len(names), frequency_hz.size))
@@ -372,74 +279,3 @@ def _shifts(drift: Drift, names: Sequence[str], frequency_hz: Real) -> Real:
         runs = [drift.run.index(part) for part in (name, *name.split("+")) if part in drift.run]
         own += known[runs].mean(axis=0) if runs else 0.0
     return shift
-
-
-def _taken(basis: Real, pull: Complex | Real) -> Any:
-    """Factors of (c_0, cc and cs of each order …, ss of each order) in the push of each row."""
-    cosine, sine = basis[:, 1::2], basis[:, 2::2]
-    pull_cosine, pull_sine = pull[..., 1::2], pull[..., 2::2]
-    both = basis * pull
-    both[..., 1::2] = cosine * pull_cosine
-    both[..., 2::2] = cosine * pull_sine + sine * pull_cosine
-    return np.concatenate([both, sine * pull_sine], axis=-1)
-
-
-def _answer(pull: Complex, found: Complex) -> Complex:
-    """Waves C_n p_n that a pull moves, (n_waves, n_frequencies)."""
-    waves, ss = np.split(found, [pull.shape[0]])
-    cc, cs, (cosine, sine) = waves[1::2], waves[2::2], (pull[1::2], pull[2::2])
-    moved = waves * pull
-    moved[1::2], moved[2::2] = cc * cosine + cs * sine, cs * cosine + ss * sine
-    return np.asarray(moved)
-
-
-def _prior(contrast: Real, trust: Real) -> Complex:
-    """Rows that give ss − (cc − contrast · cs), (n_frequencies, n_orders, n_unknowns)."""
-    order = np.arange(contrast.size)
-    rows = np.zeros((trust.shape[0], order.size, 1 + 3 * order.size), dtype=complex)
-    rows[:, order, 1 + 2 * order] = -trust
-    rows[:, order, 2 + 2 * order] = trust * contrast
-    rows[:, order, 1 + 2 * order.size + order] = trust
-    return rows
-
-
-def _pairs(frequency_hz: Real, waves: Complex, noise: Real) -> Real:
-    """What the waves show of each order, see `_orientation`, (4, n_orders)."""
-    both = zip(waves[1::2], waves[2::2], strict=True)
-    return np.array([_orientation(frequency_hz, *order, noise) for order in both]).T
-
-
-def _orientation(
-    frequency_hz: Real, cosine: Complex, sine: Complex, noise: Real
-) -> tuple[float, float, float, float]:
-    """Contrast (cc − ss)/cs of an order on all lines, how far ss is unknown then, t and M.
-
-    From (M ω² − K − jωD) C (1, t)ᵀ = ω² (1, t)ᵀ by least squares, with K and D symmetric and one
-    modal mass M for both members: the contrast of C is that of K. t of the force is near zero.
-    """
-    clear = np.hypot(np.abs(cosine), np.abs(sine)) / noise
-    near = (frequency_hz > 0) & (clear > _RESONANT * clear.max())
-    if not np.any(near):
-        return 0.0, 1.0, 0.0, 0.0
-    ratio = frequency_hz[near].max() / frequency_hz[near]
-    weight, cc, cs, none = clear[near], cosine[near], sine[near], np.zeros(ratio.size)
-    stiff, damped = -(ratio**2), -1j * ratio
-    rows = [
-        [cc, stiff * cc, stiff * cs, none, damped * cc, damped * cs, none, none],
-        [cs, none, stiff * cc, stiff * cs, none, damped * cc, damped * cs, none - 1.0],
-    ]
-    system = (np.array(rows) * weight).transpose(0, 2, 1).reshape(-1, 8)
-    expected = np.pad([[1 / _TURNED]], ((0, 0), (7, 0)))
-    right = np.concatenate([weight, none, none, none, [0.0]])
-    parts = np.concatenate([system.real, system.imag, expected])
-    solved, left, *_ = np.linalg.lstsq(parts, right, rcond=None)
-    mass_kg, k11, k12, k22, *_, turned = solved
-    variance = np.linalg.pinv(parts.T @ parts)[2, 2] * float(np.sum(left)) / len(right)
-    apart = cs - turned * cc
-    share = float(np.linalg.norm(weight * apart) / np.linalg.norm(weight * cc))
-    clear_of_noise = np.sqrt(np.mean(np.abs(apart / noise[near]) ** 2))
-    contrast = float((k11 - k22) / k12) if k12 else 0.0
-    spread = float(np.clip(_ONE_SIDED / share, _KNOWN, 1.0)) if share > 0 else 1.0
-    shows = clear_of_noise > 1 and k12**2 > _COUPLED**2 * variance
-    shows &= abs(contrast) * share < _FARTHEST
-    return (contrast if shows else 0.0), spread, float(turned), float(mass_kg)

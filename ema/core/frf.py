@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import correlate1d
 
 from ema.core.display import band_text, counted, facts
 from ema.core.drawings import level_path, picture, plot
@@ -18,6 +17,7 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.frf_arrays import (
     band_of,
     beside,
+    coherent_lines,
     inertances_of,
     lines_of,
     one_angle,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-_COHERENCE_LINES = 31  # dips at antiresonances do not end a band
 #: Where a tyre has the modes of its ring.
 TYRE_BAND_HZ = (20.0, 300.0)
 #: Arrays of an `FRF` with one row for each position.
@@ -265,10 +264,9 @@ class FRF(ReadonlyArrays):
 
     def coherent_band_hz(self, good: float = CHECKS.good_coherence) -> tuple[float, float]:
         """Widest band in which the median coherence stays good; all lines where it is unknown."""
-        median = np.nan_to_num(np.median(self.coherence, axis=0), nan=1.0)
-        mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
-        smooth = correlate1d(median, mean, mode="nearest")
-        enough = np.append((smooth >= good) & (self.frequency_hz > 0), False)
+        levels = np.sqrt(np.mean(np.abs(self.values) ** 2, axis=0))
+        enough = coherent_lines(np.median(self.coherence, axis=0), levels, good)
+        enough = np.append(enough & (self.frequency_hz > 0), False)
         starts = np.flatnonzero(enough & ~np.append(False, enough[:-1]))
         if starts.size == 0:
             return float(self.frequency_hz[0]), float(self.frequency_hz[-1])

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import binary_closing, correlate1d
 
 from ema.core.errors import InputError
 from ema.core.numerics import constant
@@ -13,6 +14,10 @@ from ema.core.recording import DERIVATIVES
 from ema.core.units import parse_ratio
 
 _UNEVEN = 1e-3  # of a step, by which frequencies may leave even steps: four digits after rounding
+_COHERENCE_LINES = 31  # dips at antiresonances do not end a band …
+_GAP = 0.02  # … nor do gaps narrower than this share of the lines
+# Ends of a band below this share of the median level are what filters of the analyser leave.
+_FILTERED = 0.01
 _FEWEST_IN_RADIANS = 8  # this many angles within 2π degrees are no tyre's
 
 
@@ -175,3 +180,24 @@ def _one_each(name: str, array: NDArray[Any], n_rows: int) -> NDArray[Any]:
         found = f"shape {flat.shape} for {n_rows} FRFs"
         raise refuse(name, found, "one for each row of the values is needed", "Count the rows")
     return flat
+
+
+def coherent_lines(
+    coherence: NDArray[np.float64], levels: NDArray[np.float64], good: float
+) -> NDArray[np.bool_]:
+    """Lines of good coherence (where it is known), without ends that filters have taken away.
+
+    Parameters
+    ----------
+    coherence, levels : ndarray, shape (n_frequencies,)
+        Median coherence and RMS inertance of the positions.
+    good : float
+    """
+    mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
+    smooth = correlate1d(np.nan_to_num(coherence, nan=1.0), mean, mode="nearest")
+    gap = 2 * int(_GAP / 2 * smooth.size) + 1
+    closed = binary_closing(np.pad(smooth >= good, gap), np.ones(gap))[gap:-gap]
+    passed = levels > _FILTERED * np.median(levels)
+    return np.asarray(
+        closed & np.logical_or.accumulate(passed) & np.logical_or.accumulate(passed[::-1])[::-1]
+    )

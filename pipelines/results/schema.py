@@ -89,6 +89,7 @@ class StoredMass:
     drift: StoredDrift | None = None
     own_kg: dict[str, tuple[float, ...]] = field(default_factory=dict)
     across: dict[int, tuple[tuple[Two, ...], tuple[Two, ...]]] = field(default_factory=dict)
+    upper_hz: float | None = None
 
 
 @dataclass(frozen=True)

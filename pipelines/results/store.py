@@ -283,7 +283,7 @@ def _mass(held: schema.StoredMass | None) -> SensorMass | None:
         for order, (poles, residues) in held.across.items()
     }
     of_tyre = held.excitation_deg, held.live_mass_kg, drift
-    return SensorMass(held.mass_kg, seats, *of_tyre, own, across)
+    return SensorMass(held.mass_kg, seats, *of_tyre, own, across, held.upper_hz)
 
 
 def _complex(pairs: Sequence[schema.Two]) -> NDArray[np.complex128]:

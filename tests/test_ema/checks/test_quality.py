@@ -151,6 +151,21 @@ def test_the_coherent_band_is_the_widest_one():
     assert high == pytest.approx(900, abs=16)
 
 
+def test_a_short_gap_does_not_end_the_coherent_band_and_filtered_ends_do():
+    frequency_hz = np.arange(0.0, 4000)
+    coherence = np.full((3, 4000), 0.95)
+    coherence[:, 1500:1560] = 0.3
+    values = np.ones((3, 4000))
+    values[:, :20], values[:, 3900:] = 1e-4, 1e-3
+    frf = systems.noise_free_frf(frequency_hz, values, coherence=coherence)
+    assert frf.coherent_band_hz() == (20.0, 3899.0)
+    coherence = coherence.copy()
+    coherence[:, 1500:1800] = 0.3
+    low, high = replace(frf, coherence=coherence).coherent_band_hz()
+    assert low == pytest.approx(1800, abs=16)
+    assert high == 3899.0
+
+
 @pytest.mark.parametrize("level", [np.nan, 0.2])
 def test_without_a_coherent_band_all_lines_count(level):
     frequency_hz = np.arange(1.0, 101)

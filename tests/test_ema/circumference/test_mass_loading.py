@@ -128,6 +128,36 @@ def test_a_mass_at_the_load_cell_of_a_tyre_that_drifts_is_compensated_run_by_run
     assert away(by_run, bare) < 0.25 * away(alike, bare) < 0.1 * away(live, bare)
 
 
+def test_lines_without_a_force_stay_noise():
+    """Were noise taken for the inertance at the force, passes over it would grow without end."""
+    frf, _ = loaded_and_bare(truth_modes(split_percent=2.5))
+    silent = frf.frequency_hz > 220
+    values, std = frf.values.copy(), frf.std.copy()
+    values[:, silent] = 100 * random_rows(values[:, silent].shape)
+    std[:, silent] = 70.0
+    noisy = replace(frf, values=values, std=std)
+    found = unloaded(noisy, SEATS, MASS_KG, live_mass_kg=0.05)
+    assert np.linalg.norm(found.values[:, silent]) < 1.5 * np.linalg.norm(values[:, silent])
+    heard = replace(frf, values=np.where(silent, 0.0, frf.values))
+    expected = unloaded(heard, SEATS, MASS_KG, live_mass_kg=0.05).values[:, ~silent]
+    np.testing.assert_allclose(found.values[:, ~silent], expected, rtol=0.05)
+
+
+def random_rows(shape):
+    parts = np.random.default_rng(5).normal(size=(2, *shape))
+    return (parts[0] + 1j * parts[1]) / np.sqrt(2)
+
+
+def test_lines_far_above_the_band_stay_as_measured():
+    loaded, bare = loaded_and_bare(truth_modes())
+    found = without_mass(loaded, replace(SENSORS, upper_hz=200.0))
+    above = loaded.frequency_hz > 200
+    for whole, own in ((found, loaded), (found.reference, loaded.reference)):
+        np.testing.assert_array_equal(whole.values[:, above], own.values[:, above])
+    measured, own, taken = (each.values[:, ~above] for each in (loaded, bare, found))
+    assert np.linalg.norm(taken - own) < 0.05 * np.linalg.norm(measured - own)
+
+
 def on_a_tyre(frf, tyre, own_kg, live_kg, seats=SEATS):
     """The FRFs as of a laboratory tyre with masses at the seats and at the force, at 0°."""
     drive, values = tyre.surface(np.zeros(1))[0], np.empty_like(frf.values)
