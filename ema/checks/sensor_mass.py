@@ -24,6 +24,8 @@ _ACROSS_KNOWN = 0.1
 _LINE_ARRAYS, _FEWEST_LINES = ("values", "coherence", "std"), 8
 # A position this near the force is the drive point.
 _AT_FORCE_DEG = 2.5
+# The drift of the loaded tyre is lost where this share of it is no longer found.
+_LOST = 0.5
 # A resonance of half-width b, in lines of a Hann window, loses this share over b² of its height,
 # ∫w′² T²/(4π² ∫w²), and with it the force of a mass, which is a product of two FRFs.
 _BLUNTED = 1 / 3
@@ -81,9 +83,15 @@ class SensorMass:
 def is_drift_lost(loaded: ModalModel, bare: ModalModel) -> bool:
     """Whether runs that drift were compensated as if in one state.
 
-    They then look like pairs, which leave more than the loaded tyre does.
+    They then look like pairs: these leave more than the loaded tyre does, or, with two runs, take
+    the drift for two modes of each order.
     """
-    return loaded.drift.applied and bare.misfit > loaded.misfit
+    drift, left = loaded.drift, bare.drift
+    if not drift.applied:
+        return False
+    found = left.percent if left.applied and left.run == drift.run else np.zeros(len(drift.run))
+    away = np.max(np.abs(found - drift.percent))
+    return bool(bare.misfit > loaded.misfit or away > _LOST * np.max(np.abs(drift.percent)))
 
 
 def with_mass_std(

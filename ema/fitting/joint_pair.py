@@ -328,7 +328,7 @@ class JointProblem:
         behind = 2 * middle - ahead if is_linear else problem.numbers(here - steps)
         slope, bend = (ahead - behind) / 2, (ahead + behind) / 2 - middle
         spread = slope.T @ slope + bend.T @ bend
-        pair = problem.pair_of(here, spread, amplitude, problem.scale)
+        pair = problem.pair_of(here, spread, problem.scale, amplitude=amplitude)
         apart = np.hypot(*x[[2, 3]])
         turned = np.sqrt(np.trace(covariance[2:4, 2:4]) / 2) / (2 * apart)
         return replace(pair, turned_std_rad=float(min(turned, np.pi / np.sqrt(12))))

@@ -22,8 +22,8 @@ from ema.fitting.order_pair import (
     pair_problem,
 )
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit, numbers_of
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.ring_pair import Known, PairFit
+from ema.fitting.variable_projection import Complex, Real, numbers_of
 from ema.fitting.wave_mixing import WaveMixing
 from ema.signals.leakage import has_leakage, leakage_bias
 

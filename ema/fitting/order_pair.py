@@ -271,8 +271,9 @@ def _with_window(pair: PairFit, wide: PairProblem, narrow: PairProblem) -> PairF
     """
     narrow.amplitude, narrow.scale = wide.amplitude, wide.scale
     found = narrow.minimum(pair.parameters)
-    given = found.x, narrow.covariance(found), complex(wide.amplitude), pair.misfit
-    return with_change(pair, _matched(pair, narrow.pair_of(*given), narrow.settings))
+    given = found.x, narrow.covariance(found), pair.misfit
+    other = narrow.pair_of(*given, amplitude=complex(wide.amplitude))
+    return with_change(pair, _matched(pair, other, narrow.settings))
 
 
 def _matched(pair: PairFit, other: PairFit, settings: IdentificationSettings) -> PairFit:

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
-from ema.fitting.ring_pair import numbers_of
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.variable_projection import Complex, Real, numbers_of
 
 # Half-widths on either side whose lines count, and twice as many to see what that choice does:
 # the measured wheel of benchmarks/README.md and lateral modes of benchmarks/laboratory.py.

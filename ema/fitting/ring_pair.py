@@ -24,12 +24,19 @@ from scipy.optimize import OptimizeResult, least_squares, leastsq
 
 from ema.core.numerics import end_if_stopped
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.variable_projection import Complex, Real, above_ground, alone, near_pole
+from ema.fitting.variable_projection import (
+    Complex,
+    Real,
+    above_ground,
+    alone,
+    near_pole,
+    numbers_of,
+)
 
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along
 # the force and across; the same of the damping; direction of the force.
-_MEAN, _DAMPING, _ALONG, _ACROSS, _DAMPED_ALONG, _DAMPED_ACROSS, _FORCE = range(7)
 _N_PARAMETERS = 7
+_MEAN, _DAMPING, _ALONG, _ACROSS, _DAMPED_ALONG, _DAMPED_ACROSS, _FORCE = range(_N_PARAMETERS)
 # Searches start from a small split, or from the likeliest of larger ones: damping that one pole
 # for both has too much (log), half the splits along and across in damping ratios.
 _SMALL = np.array([0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
@@ -223,8 +230,7 @@ class PairProblem:
     def parameters_of(self, coupled: Complex) -> Real:
         """Parameters of a matrix Λ, but for the direction of the force."""
         along, across = (coupled[0, 0] - coupled[1, 1]) / 2, (coupled[0, 1] + coupled[1, 0]) / 2
-        mean = (coupled[0, 0] + coupled[1, 1]) / 2 + along
-        size, ratio = abs(mean), -mean.real / abs(mean)
+        size, ratio = abs(coupled[0, 0]), -coupled[0, 0].real / abs(coupled[0, 0])
         halves = [along.imag / size, across.imag / size]
         damped = [-along.real / (size * ratio), -across.real / (size * ratio)]
         return np.array([np.log(size / self.size), np.log(ratio / self.ratio), *halves, *damped])
@@ -308,19 +314,19 @@ class PairProblem:
         if one.cost < best.cost:  # the search from a split ended early
             best = self.minimum(one.x)
         misfit = self.scale * self._misfit(best)
-        return self._fit(best.x, self.covariance(best), 2 * (one.cost - best.cost), misfit)
+        return self.pair_of(best.x, self.covariance(best), misfit, 2 * (one.cost - best.cost))
 
     def solve_near(self, before: PairFit) -> PairFit:
         """The pair where it is known from much the same FRFs; what is known of it stays."""
         self.amplitude = abs(self._linear(np.zeros(_N_PARAMETERS)).amplitude)
         self.scale = before.misfit
-        x = self.minimum(before.parameters).x
-        return self._fit(x, before.covariance, before.gain, before.misfit)
+        given = before.covariance, before.misfit, before.gain
+        return self.pair_of(self.minimum(before.parameters).x, *given)
 
     def _misfit(self, found: OptimizeResult) -> float:
         """Reduced χ², in terms of the scale."""
-        outside = float(np.sum(self.outside / self.std**2)) / self.scale
-        return max(float(2 * found.cost + outside) / max(self.n_independent - 20, 1), 1e-12)
+        whole = 2 * found.cost + np.sum(self.outside / self.std**2) / self.scale
+        return max(float(whole) / max(self.n_independent - 20, 1), 1e-12)
 
     def _explains(self, one: OptimizeResult) -> bool:
         """Whether one pole leaves no more than the noise, given or seen outside the basis."""
@@ -378,46 +384,55 @@ class PairProblem:
         return OptimizeResult(x=whole(found), cost=0.5 * float(np.sum(residuals(found) ** 2)))
 
     def covariance(self, found: OptimizeResult) -> Real:
-        """Covariance of the numbers at a minimum, (6, 6)."""
+        """Covariance of the numbers at a minimum, (6, 6).
+
+        From points at √3 σ of the parameters (Julier & Uhlmann 2004): the split has no slope along
+        the force where noise put it near 0 there. A member hardly driven may be on either side.
+        """
         slopes = self.jacobian(found.x, self.steps)
         inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-14, hermitian=True)
-        step = 1e-7 * np.eye(_N_PARAMETERS)
-        slope = (self.numbers(found.x + step) - self.numbers(found.x - step)).T / 2e-7
-        return np.asarray(slope @ inner @ slope.T)
+        variances, axes = np.linalg.eigh(inner / np.outer(self.sizes, self.sizes))
+        steps = np.sqrt(3 * np.maximum(variances, 0.0))[:, None] * (axes.T * self.sizes)
+        numbers = self.numbers(found.x + np.vstack([0 * found.x, steps, -steps]))
+        a, b, mean = (numbers[:, ::2] * (1 + 1j * numbers[:, 1::2])).T
+        to_a, to_b = np.abs(mean - a), np.abs(mean - b)  # near the member that is driven most
+        if min(to_a[0], to_b[0]) < self.settings.pair_weakest_share * abs(b[0] - a[0]):
+            other = (to_a < to_b) != (to_a[0] < to_b[0])
+            numbers[other, :4] = numbers[np.ix_(other, [2, 3, 0, 1])]
+        away = numbers[1:] - numbers[0]
+        return np.asarray(away.T @ away / 6)
 
-    def _fit(self, x: Real, covariance: Real, gain: float, misfit: float) -> PairFit:
-        return replace(self.pair_of(x, covariance, self._linear(x).amplitude, misfit), gain=gain)
-
-    def pair_of(self, x: Real, covariance: Real, amplitude: complex, misfit: float) -> PairFit:
-        """The pair of some parameters and amplitude, whose `numbers` have this covariance."""
+    def pair_of(
+        self, x: Real, covariance: Real, misfit: float, gain: float = 0.0, amplitude: complex = 0.0
+    ) -> PairFit:
+        """The pair of some parameters (and amplitude), whose `numbers` have this covariance."""
         numbers = self.numbers(x)
-        poles, residues = self._members(x, amplitude)
+        poles, residues = self._members(x, amplitude or self._linear(x).amplitude)
         power = np.sum(np.abs(residues) ** 2, axis=1)
-        apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-        split_std = float(np.sqrt(max(apart @ covariance @ apart, 0.0)))
-        pole, along, _, _ = self._split(x)
+        split_std = float(np.sqrt(max(np.diff(np.diff(covariance[:3:2, :3:2], axis=0))[0, 0], 0.0)))
+        pole, along, *_ = (complex(each[0]) for each in self._split(x[None]))
         return PairFit(
             poles=poles,
             share=(float(power[0] / power.sum()), float(power[1] / power.sum())),
             numbers=numbers,
             covariance=covariance,
-            split_std=float(apart @ numbers / split_std) if split_std else np.inf,
-            gain=0.0,
+            split_std=float((numbers[2] - numbers[0]) / split_std) if split_std else np.inf,
+            gain=gain,
             misfit=misfit,
             residues=residues,
             mean=pole + along,
             parameters=x,
         )
 
-    def _split(self, x: Real) -> tuple[complex, complex, complex, complex]:
-        """Pole s, coupling δ_c and δ_s, half the distance of the members."""
-        pole, along, across = (complex(each[0]) for each in self._states(x[None]))
-        half = np.sqrt(complex(along**2 + across**2))
-        return pole, along, across, half if half.imag >= 0 else -half
+    def _split(self, x: Real) -> tuple[Complex, Complex, Complex, Complex]:
+        """Pole s, coupling δ_c and δ_s, half the distance of the members, (n_sets,) each."""
+        pole, along, across = self._states(x)
+        half = np.sqrt(along**2 + across**2)
+        return pole, along, across, np.where(half.imag >= 0, half, -half)
 
     def _members(self, x: Real, amplitude: complex) -> tuple[tuple[complex, complex], Complex]:
         """Poles of a and b, and their residues in cosine and sine, (2, 2)."""
-        pole, along, across, half = self._split(x)
+        pole, along, across, half = (complex(each[0]) for each in self._split(x[None]))
         force = np.array([np.cos(x[_FORCE]), np.sin(x[_FORCE])])
         turned = np.array([[along, across], [across, -along]]) / (half or 1.0)
         poles = pole - half, pole + half
@@ -429,14 +444,7 @@ class PairProblem:
 
     def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean, perhaps of many sets."""
-        pole, along, across = self._states(x.reshape(-1, _N_PARAMETERS))
-        half = np.sqrt(along**2 + across**2)
-        half = np.where(half.imag >= 0, half, -half)
+        pole, along, _, half = self._split(x.reshape(-1, _N_PARAMETERS))
         poles = np.stack([pole - half, pole + half, pole + along], axis=1)
         found = np.stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)], axis=2)
         return found.reshape(*x.shape[:-1], -1)
-
-
-def numbers_of(poles: Complex) -> Real:
-    """Frequency in Hz and damping ratio of poles, one after the other."""
-    return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))

@@ -303,3 +303,8 @@ def alone(omega: Real, poles: Complex) -> Complex:
     """FRFs of single poles, (n_poles, n_lines)."""
     away = 1j * omega - poles[:, None], 1j * omega - poles.conj()[:, None]
     return np.asarray(omega**2 / (away[0] * away[1]))
+
+
+def numbers_of(poles: Complex) -> Real:
+    """Frequency in Hz and damping ratio of poles, one after the other."""
+    return np.ravel(np.column_stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)]))

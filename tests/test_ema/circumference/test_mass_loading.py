@@ -22,6 +22,7 @@ from ema.core.errors import InputError
 from ema.core.finding import Verdict
 from ema.core.modes import Pair
 from ema.identify import fit_modes, identify_modes
+from ema.signals.frf_estimation import estimate_frf
 from pipelines.simulate.laboratory import Laboratory
 from pipelines.simulate.laboratory_effects import Effects
 from pipelines.simulate.truth import modal_sum, solve, truth_modes
@@ -336,9 +337,33 @@ def test_orders_beyond_the_positions_may_be_as_far_off_as_the_mass_shifts_others
     assert known.frequency_std_hz < 2e-3 * known.frequency_hz
 
 
+def test_two_runs_that_drift_are_no_second_mode_of_each_order():
+    """36 sensors turned once: order 3 of one run and of the other are orders 3 and 33 of both."""
+    effects = Effects(
+        seed=532, sensors=36, runs=2, duration_s=8.0, sampling_rate_hz=800.0, snr_db=44.0,
+        temperature_drift=0.01, sensor_mass_kg=0.0035, stiffness_variation=0.002, tilt_deg=5.3,
+    )  # fmt: skip
+    laboratory = Laboratory(effects)
+    campaign = laboratory.campaign()
+    mass = SensorMass(0.0035, sensors_of_runs(campaign))
+    model = identify_modes(estimate_frf(campaign), (20.0, 260.0), sensor_mass=mass).model
+    assert not any(mode.doubtful for mode in model.modes)
+    assert model.drift.percent[1] == pytest.approx(1.0, abs=0.1)
+    true_hz = np.array([m.frequency_hz for m in laboratory.truth.modes if m.strength > 0.01])
+    for mode in model.modes:
+        away = np.min(np.abs(true_hz - mode.frequency_hz))
+        assert away < max(4 * mode.frequency_std_hz, 1e-3 * mode.frequency_hz)
+
+
 def test_a_drift_is_lost_where_the_bare_tyre_fits_worse(bare_model):
-    drifted = replace(bare_model, drift=replace(NO_DRIFT, applied=True))
+    two = {name: np.zeros(2) for name in ("percent", "slope_percent", "curvature_percent")}
+    drift = replace(NO_DRIFT, run=("1", "2"), applied=True, **two)
+    drifted = replace(bare_model, drift=drift)
     worse = replace(bare_model, misfit=2 * bare_model.misfit)
+    moved = replace(drifted, drift=replace(drift, percent=np.array([0.0, 1.0])))
+    assert is_drift_lost(moved, bare_model)
+    assert is_drift_lost(moved, drifted)
+    assert not is_drift_lost(moved, moved)
     assert is_drift_lost(drifted, worse)
     assert not is_drift_lost(drifted, bare_model)
     assert not is_drift_lost(bare_model, worse)

@@ -126,6 +126,18 @@ def test_the_error_bars_cover_the_truth():
     assert np.max(np.abs(z)) < 5
 
 
+def test_noise_that_hides_a_split_does_not_make_it_certain():
+    """Where noise puts the split along the force near 0, its slope there says that it is known."""
+    poles, z = true_poles(0.1), []
+    true = np.array([systems.frequency_hz_of(poles), systems.damping_of(poles)]).T.ravel()
+    for seed in range(40):
+        pair = fitted(order_frf(0.1, 45.0, snr=2e3, seed=seed))
+        assert order_report(4, pair).pair.verdict is not Pair.RESOLVED
+        z.append((pair.numbers[:4] - true) / np.sqrt(np.diag(pair.covariance))[:4])
+    assert np.mean(np.abs(z) < 1.96) > 0.9
+    assert np.max(np.abs(z)) < 5.5
+
+
 def test_unknown_noise_does_not_stop_the_fit():
     frf = order_frf(1.5)
     pair = fitted(OrderFrf(4, frf.frequency_hz, frf.values, np.full(frf.std.shape, np.nan)))
