@@ -23,6 +23,9 @@ from ema.core.recording import DERIVATIVES, BlockPlan, Channel
 
 _LEAST_POWER = np.finfo(float).tiny
 _LIMIT = 0.1  # of the span of a block: the distance of a limit from the mean, at least
+# A round crest has 1.24 times as many samples on the four levels beneath the last one as on that;
+# what is clipped has few there. Up to three share the last of so many levels by chance.
+_LEVELS, _ON_LEVELS, _BY_CHANCE, _COARSE = 4.5, 1.2, 3, 1 << 17
 _TOGETHER = 16  # sensors summed at once: the sums of more do not stay near the processor
 _PIECE_BYTES = 1 << 22  # read at a time: few calls, and it stays near the processor
 # A recording is compared in so many parts. The first one is short: what slips within it is ahead
@@ -225,12 +228,21 @@ def _power(squares: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _on_extremes(block: NDArray[np.float64], mean: float) -> float:
-    """Share of the samples of one channel equal to the largest or smallest; one is no clipping."""
+    """Share of the samples of one channel on flat tops: equal to the largest or smallest.
+
+    One is no top, nor are as many as a round crest, of a swept sine, has on the last level of a
+    converter.
+    """
     low, high = block.min(), block.max()
-    count = 0
-    for extreme in (low, high):
-        if abs(extreme - mean) >= _LIMIT * (high - low):  # else a force at rest
-            count += max(int(np.count_nonzero(block == extreme)) - 1, 0)
+    count = 0.0
+    for extreme in (high, low):
+        there = int(np.count_nonzero(block == extreme))
+        if there < 2 or abs(extreme - mean) < _LIMIT * (high - low):  # or a force at rest
+            continue
+        step = np.min(np.diff(np.unique(block)), initial=np.inf)
+        near = int(np.count_nonzero(np.abs(block - extreme) < _LEVELS * step)) - there
+        chance = _BY_CHANCE if high - low < _COARSE * step else 1
+        count += max(there - chance - _ON_LEVELS * near, 0.0)
     return count / block.size
 
 

@@ -269,3 +269,17 @@ def test_a_force_stuck_in_every_block_is_refused():
 def test_a_constant_whose_deviation_is_a_rounding_error_is_looked_at(value):
     look = _look(Channel("A01", ACCELERATION, "m/s^2", np.full(10_001, value)), 100)
     assert look.rms < 1e-9 * value
+
+
+def swept(bits, limit):
+    """Share of a swept force of 12 or 16 bits that is seen on its limits, cut off at one or not."""
+    force = np.clip(10 * chirp(TIMES_S, 20, TIMES_S[-1], 200), -limit, limit)
+    level = 10 / 2 ** (bits - 1)
+    built = rec.run(np.round(force / level) * level, rec.answers(force))
+    return ema.estimate_frf(systems.campaign_of(built, block_seconds=1.0)).force_clipped.max()
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_the_round_crests_of_a_swept_force_are_not_clipped(bits):
+    assert swept(bits, 10.0) == 0.0
+    assert swept(bits, 9.8) == pytest.approx(2 / np.pi * np.arccos(0.98), rel=0.3)
