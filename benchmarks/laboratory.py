@@ -26,6 +26,7 @@ from ema.checks.steady_runs import without_changes_within_runs
 from ema.core.campaign import Campaign
 from ema.core.errors import FitError, InputError
 from ema.core.frf import FRF
+from ema.signals.leakage import without_left_out_lines
 from ema.signals.steadiness import steadiness_of
 from pipelines.simulate.laboratory import Laboratory, LaboratoryMode
 from pipelines.simulate.laboratory_effects import Effects
@@ -182,7 +183,7 @@ def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: b
 
 def touched(campaign: Campaign, frf: FRF, found: ema.Identification, faulty: set[str]) -> int:
     """Healthy channels whose FRF is absent from the result or is not the measured one."""
-    expected = without_mass(frf, found.sensor_mass)
+    expected = without_mass(without_left_out_lines(frf), found.sensor_mass)
     angles = {float(angle): row for row, angle in enumerate(found.frf.position_deg)}
     healthy = [row for row, name in enumerate(frf.channel) if name not in faulty]
     places = [(row, angles.get(float(expected.position_deg[row]))) for row in healthy]

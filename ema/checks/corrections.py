@@ -262,17 +262,19 @@ def screen(
     `InputError` if no channel is usable, or most places were averaged from runs that contradict
     each other.
     """
-    faults = {
-        **_incoherent(frf, band_hz, settings),
-        **_clipped(frf, settings),
-        **_dead(frf, band_hz, settings.dead_db),
-        **_missing(frf, settings.missing_share),
-    }
+    faults: dict[int, _Fault] = {}
+    for found in (
+        _incoherent(frf, band_hz, settings),
+        _clipped(frf, settings),
+        _dead(frf, band_hz, settings.dead_db),
+        _missing(frf, settings.missing_share),
+    ):  # the last that excludes; a remark takes no place
+        faults |= {k: v for k, v in found.items() if k not in faults or v[1] is Verdict.EXCLUDED}
     faults = {row: _used(fault) if row in decided else fault for row, fault in faults.items()}
-    of_row = {row: position_finding(frf, row, *found) for row, found in sorted(faults.items())}
+    of_row = {row: position_finding(frf, row, *fault) for row, fault in sorted(faults.items())}
     findings = list(of_row.values())
     exclusions = tuple(
-        exclusion(row, found) for row, found in of_row.items() if found.verdict == Verdict.EXCLUDED
+        exclusion(row, told) for row, told in of_row.items() if told.verdict == Verdict.EXCLUDED
     )
     if len(exclusions) == frf.n_positions:
         raise InputError(

@@ -21,6 +21,9 @@ _MASS_KNOWN = 0.01
 # How a pair answers across the force is found from its FRFs along it, to a tenth (laboratory
 # tyres), of which a member has more the less the force drives it.
 _ACROSS_KNOWN = 0.1
+# Across the force a member with the share s of the response moves (1 − s)/s times as much as is
+# seen of it; so much of an order's response is of other orders that an uneven tyre mixes in.
+_NOT_OWN = 0.015
 _LINE_ARRAYS, _FEWEST_LINES = ("values", "coherence", "std"), 8
 # A position this near the force is the drive point.
 _AT_FORCE_DEG = 2.5
@@ -113,7 +116,9 @@ def with_mass_std(
     blocks = frf.blocks if frf is not None and has_leakage(frf) else None
     width_lines = bare_hz * model.damping_ratios * (blocks.block_s if blocks else np.inf)
     blunted = _BLUNTED / width_lines**2
-    known = np.sqrt(_MASS_KNOWN**2 + (_ACROSS_KNOWN * (1 - _shares(model))) ** 2 + blunted**2)
+    shares = _shares(model)
+    across = np.hypot(_ACROSS_KNOWN * (1 - shares), _NOT_OWN * (1 / shares - 1))
+    known = np.sqrt(_MASS_KNOWN**2 + np.minimum(across, 1.0) ** 2 + blunted**2)
     unknown = known * np.minimum(shift, 2 * np.median(others))
     variance = np.stack([unknown * bare_hz, unknown], axis=1) ** 2
     left = _left_of_aliases(model, shift)

@@ -70,6 +70,14 @@ def test_a_channel_that_sees_something_else_is_incoherent(healthy):
     assert usable.n_positions == 71
 
 
+def test_a_few_clipped_samples_do_not_save_an_incoherent_channel(healthy):
+    """A dead sensor behind a coarse converter has few levels, and some samples on the last one."""
+    doubtful = systems.edited(healthy, ROW, coherence=0.05, clipped=2e-4)
+    usable, findings, _ = screen(doubtful, BAND_HZ)
+    assert named(findings) == [(*at(healthy, ROW), "incoherent", Verdict.EXCLUDED)]
+    assert usable.n_positions == 71
+
+
 def test_low_coherence_everywhere_is_noise_and_no_fault(healthy):
     quiet = replace(healthy, coherence=np.full(healthy.coherence.shape, 0.2))
     usable, findings, _ = screen(systems.edited(quiet, ROW, coherence=0.15), BAND_HZ)
