@@ -8,6 +8,7 @@ if it is clearly the nearest; everything else is an error that lists what is the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,7 +38,7 @@ from ema.fitting.fit_steps import (
     std_of_unseen_pairs,
 )
 from ema.fitting.listing import Choice, Key, Row, Settled
-from ema.fitting.order_pair import RingOrder
+from ema.fitting.order_pair import RingOrder, with_curvature
 from ema.fitting.own_lines import on_own_lines
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import PairFit
@@ -184,7 +185,8 @@ def _said(pole: complex) -> str:
 
 def settled(curve: CurveFit) -> Settled:
     """Rows of all poles with their uncertainty."""
-    frf = curve.frf
+    curve, frf = copy(curve), curve.frf
+    curve.ring = tuple(with_curvature(order, curve.settings) for order in curve.ring)
     fit, owner, place = _one_pole_per_order(curve)
     apart = {r: order for r, order in owner.items() if order.jointly or order.is_resolved}
     shown = _beside_pairs(curve, fit.poles, apart, fit.locked) if apart else fit

@@ -13,6 +13,7 @@ from ema.circumference.orders import PURE, circle_basis, highest_order, order_co
 from ema.core.frf import FRF
 from ema.core.modes import OrderReport, Pair, PairVerdict
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
+from ema.fitting.pair_spread import variance_beyond_slopes
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
 from ema.fitting.ring_pair import Known, PairFit, PairProblem
 from ema.fitting.variable_projection import Complex, Real
@@ -20,8 +21,7 @@ from ema.fitting.variable_projection import Complex, Real
 # Half-widths of the resonance on either side whose lines are fitted.
 _REACH = 6.0
 _FEWEST_LINES = 12
-# Members that are known to no better than this share are not listed by themselves.
-_KNOWN_DAMPING = 0.05
+_KNOWN_DAMPING = 0.05  # members known to no better than this share are not listed by themselves
 # A pair is not told from a drift that is known to no better than this share of its split …
 _DRIFTS = 0.1
 # … nor, with less than this share of the response, where it leaves more than this reduced χ².
@@ -258,7 +258,8 @@ def fit_pair(
     wide, narrow = pair_problem(*given), pair_problem(*given, 0.5)
     if wide is None:
         return None
-    pair = wide.solve()
+    solved = wide.solve()
+    pair = replace(solved, curved=variance_beyond_slopes(wide, solved.parameters))
     pair = pair if narrow is None else _with_window(pair, wide, narrow)
     return _with_likeness(pair, known.settings)
 
@@ -339,6 +340,20 @@ def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSet
     else:
         report = order_report(order.order, pair, settings)
     return replace(order, pair=pair, report=report)
+
+
+def with_curvature(order: RingOrder, settings: IdentificationSettings) -> RingOrder:
+    """The order as listed, judged with what slopes leave out in its ±."""
+    pair = order.pair
+    if pair is None or order.jointly or not pair.split_std > 0:
+        return order
+    split_hz = float(pair.numbers[2] - pair.numbers[0])
+    std = max(float(np.hypot(split_hz / pair.split_std, np.sqrt(pair.curved[6]))), 1e-300)
+    covariance = pair.covariance + np.diag(pair.curved[:6])
+    pair = replace(pair, covariance=covariance, split_std=split_hz / std, curved=np.zeros(7))
+    verdict = order.report.pair
+    anew = order_report(order.order, pair, settings) if verdict.verdict is Pair.RESOLVED else None
+    return replace(order, pair=pair, report=anew or _reported(verdict, pair))
 
 
 def order_report(

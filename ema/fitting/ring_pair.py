@@ -14,7 +14,7 @@ two waves a little, H → (1 + E) H: E has to pay for itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -70,6 +70,8 @@ class PairFit:
         Mean pole as the force drives the members, rad/s.
     parameters : ndarray, shape (7,)
         Of `PairProblem`.
+    curved : ndarray, shape (7,)
+        Variance of the numbers and of the split beyond what slopes say, `pair_spread`.
     turned_std_rad : float
         Standard deviation of the members' direction, as angle of the wave; NaN where unknown.
     """
@@ -84,6 +86,7 @@ class PairFit:
     residues: NDArray[np.complex128]
     mean: complex
     parameters: NDArray[np.float64]
+    curved: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
     turned_std_rad: float = float("nan")
 
     @property
@@ -230,7 +233,8 @@ class PairProblem:
     def parameters_of(self, coupled: Complex) -> Real:
         """Parameters of a matrix Λ, but for the direction of the force."""
         along, across = (coupled[0, 0] - coupled[1, 1]) / 2, (coupled[0, 1] + coupled[1, 0]) / 2
-        size, ratio = abs(coupled[0, 0]), -coupled[0, 0].real / abs(coupled[0, 0])
+        mean = (coupled[0, 0] + coupled[1, 1]) / 2 + along
+        size, ratio = abs(mean), -mean.real / abs(mean)
         halves = [along.imag / size, across.imag / size]
         damped = [-along.real / (size * ratio), -across.real / (size * ratio)]
         return np.array([np.log(size / self.size), np.log(ratio / self.ratio), *halves, *damped])
@@ -325,8 +329,8 @@ class PairProblem:
 
     def _misfit(self, found: OptimizeResult) -> float:
         """Reduced χ², in terms of the scale."""
-        whole = 2 * found.cost + np.sum(self.outside / self.std**2) / self.scale
-        return max(float(whole) / max(self.n_independent - 20, 1), 1e-12)
+        outside = float(np.sum(self.outside / self.std**2)) / self.scale
+        return max(float(2 * found.cost + outside) / max(self.n_independent - 20, 1), 1e-12)
 
     def _explains(self, one: OptimizeResult) -> bool:
         """Whether one pole leaves no more than the noise, given or seen outside the basis."""
@@ -384,23 +388,15 @@ class PairProblem:
         return OptimizeResult(x=whole(found), cost=0.5 * float(np.sum(residuals(found) ** 2)))
 
     def covariance(self, found: OptimizeResult) -> Real:
-        """Covariance of the numbers at a minimum, (6, 6).
+        """Covariance of the numbers at a minimum, (6, 6)."""
+        step = 1e-7 * np.eye(_N_PARAMETERS)
+        slope = (self.numbers(found.x + step) - self.numbers(found.x - step)).T / 2e-7
+        return np.asarray(slope @ self.spread(found.x) @ slope.T)
 
-        From points at √3 σ of the parameters (Julier & Uhlmann 2004): the split has no slope along
-        the force where noise put it near 0 there. A member hardly driven may be on either side.
-        """
-        slopes = self.jacobian(found.x, self.steps)
-        inner = np.linalg.pinv(slopes.T @ slopes, rcond=1e-14, hermitian=True)
-        variances, axes = np.linalg.eigh(inner / np.outer(self.sizes, self.sizes))
-        steps = np.sqrt(3 * np.maximum(variances, 0.0))[:, None] * (axes.T * self.sizes)
-        numbers = self.numbers(found.x + np.vstack([0 * found.x, steps, -steps]))
-        a, b, mean = (numbers[:, ::2] * (1 + 1j * numbers[:, 1::2])).T
-        to_a, to_b = np.abs(mean - a), np.abs(mean - b)  # near the member that is driven most
-        if min(to_a[0], to_b[0]) < self.settings.pair_weakest_share * abs(b[0] - a[0]):
-            other = (to_a < to_b) != (to_a[0] < to_b[0])
-            numbers[other, :4] = numbers[np.ix_(other, [2, 3, 0, 1])]
-        away = numbers[1:] - numbers[0]
-        return np.asarray(away.T @ away / 6)
+    def spread(self, x: Real) -> Real:
+        """Covariance of the parameters at a minimum."""
+        slopes = self.jacobian(x, self.steps)
+        return np.asarray(np.linalg.pinv(slopes.T @ slopes, rcond=1e-14, hermitian=True))
 
     def pair_of(
         self, x: Real, covariance: Real, misfit: float, gain: float = 0.0, amplitude: complex = 0.0
@@ -409,14 +405,15 @@ class PairProblem:
         numbers = self.numbers(x)
         poles, residues = self._members(x, amplitude or self._linear(x).amplitude)
         power = np.sum(np.abs(residues) ** 2, axis=1)
-        split_std = float(np.sqrt(max(np.diff(np.diff(covariance[:3:2, :3:2], axis=0))[0, 0], 0.0)))
-        pole, along, *_ = (complex(each[0]) for each in self._split(x[None]))
+        apart = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+        split_std = float(np.sqrt(max(apart @ covariance @ apart, 0.0)))
+        pole, along, *_ = self._split(x)
         return PairFit(
             poles=poles,
             share=(float(power[0] / power.sum()), float(power[1] / power.sum())),
             numbers=numbers,
             covariance=covariance,
-            split_std=float((numbers[2] - numbers[0]) / split_std) if split_std else np.inf,
+            split_std=float(apart @ numbers / split_std) if split_std else np.inf,
             gain=gain,
             misfit=misfit,
             residues=residues,
@@ -424,15 +421,15 @@ class PairProblem:
             parameters=x,
         )
 
-    def _split(self, x: Real) -> tuple[Complex, Complex, Complex, Complex]:
-        """Pole s, coupling δ_c and δ_s, half the distance of the members, (n_sets,) each."""
-        pole, along, across = self._states(x)
-        half = np.sqrt(along**2 + across**2)
-        return pole, along, across, np.where(half.imag >= 0, half, -half)
+    def _split(self, x: Real) -> tuple[complex, complex, complex, complex]:
+        """Pole s, coupling δ_c and δ_s, half the distance of the members."""
+        pole, along, across = (complex(each[0]) for each in self._states(x[None]))
+        half = np.sqrt(complex(along**2 + across**2))
+        return pole, along, across, half if half.imag >= 0 else -half
 
     def _members(self, x: Real, amplitude: complex) -> tuple[tuple[complex, complex], Complex]:
         """Poles of a and b, and their residues in cosine and sine, (2, 2)."""
-        pole, along, across, half = (complex(each[0]) for each in self._split(x[None]))
+        pole, along, across, half = self._split(x)
         force = np.array([np.cos(x[_FORCE]), np.sin(x[_FORCE])])
         turned = np.array([[along, across], [across, -along]]) / (half or 1.0)
         poles = pole - half, pole + half
@@ -444,7 +441,9 @@ class PairProblem:
 
     def numbers(self, x: Real) -> Real:
         """(frequency_hz, damping_ratio) of a, of b and of the mean, perhaps of many sets."""
-        pole, along, _, half = self._split(x.reshape(-1, _N_PARAMETERS))
+        pole, along, across = self._states(x.reshape(-1, _N_PARAMETERS))
+        half = np.sqrt(along**2 + across**2)
+        half = np.where(half.imag >= 0, half, -half)
         poles = np.stack([pole - half, pole + half, pole + along], axis=1)
         found = np.stack([np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)], axis=2)
         return found.reshape(*x.shape[:-1], -1)

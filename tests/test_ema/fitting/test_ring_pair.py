@@ -8,7 +8,14 @@ import systems
 
 from ema.core.modes import Pair
 from ema.core.settings import IDENTIFICATION
-from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, fit_pair, order_report
+from ema.fitting.order_pair import (
+    OrderFrf,
+    RingOrder,
+    contradicted,
+    fit_pair,
+    order_report,
+    with_curvature,
+)
 from ema.fitting.ring_pair import Known
 
 LINES_HZ = np.arange(200, 400) / 2
@@ -38,6 +45,12 @@ def order_frf(split_percent, angle_deg=35.0, *, snr=1e3, seed=0, crosstalk=0.0, 
 def fitted(frf, start=None):
     start = complex(systems.pole([HZ * 1.002], [1.1 * ZETA])[0]) if start is None else start
     return fit_pair(frf.frequency_hz, frf.values, frf.std, start, Known(FORCE_STD, WAVE_STD, 1.0))
+
+
+def as_listed(pair):
+    return with_curvature(
+        RingOrder(4, (0,), pair, order_report(4, pair), None, True), IDENTIFICATION
+    )
 
 
 def relative(pair, poles):
@@ -131,9 +144,10 @@ def test_noise_that_hides_a_split_does_not_make_it_certain():
     poles, z = true_poles(0.1), []
     true = np.array([systems.frequency_hz_of(poles), systems.damping_of(poles)]).T.ravel()
     for seed in range(40):
-        pair = fitted(order_frf(0.1, 45.0, snr=2e3, seed=seed))
-        assert order_report(4, pair).pair.verdict is not Pair.RESOLVED
-        z.append((pair.numbers[:4] - true) / np.sqrt(np.diag(pair.covariance))[:4])
+        listed = as_listed(fitted(order_frf(0.1, 45.0, snr=2e3, seed=seed)))
+        assert listed.report.pair.verdict is not Pair.RESOLVED
+        assert listed.pair is not None
+        z.append((listed.pair.numbers[:4] - true) / np.sqrt(np.diag(listed.pair.covariance))[:4])
     assert np.mean(np.abs(z) < 1.96) > 0.9
     assert np.max(np.abs(z)) < 5.5
 
