@@ -344,16 +344,16 @@ def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSet
 
 def with_curvature(order: RingOrder, settings: IdentificationSettings) -> RingOrder:
     """The order as listed, judged with what slopes leave out in its ±."""
-    pair = order.pair
-    if pair is None or order.jointly or not pair.split_std > 0:
+    if (pair := order.pair) is None or order.jointly or not pair.split_std > 0:
         return order
     split_hz = float(pair.numbers[2] - pair.numbers[0])
     std = max(float(np.hypot(split_hz / pair.split_std, np.sqrt(pair.curved[6]))), 1e-300)
     covariance = pair.covariance + np.diag(pair.curved[:6])
     pair = replace(pair, covariance=covariance, split_std=split_hz / std, curved=np.zeros(7))
-    verdict = order.report.pair
-    anew = order_report(order.order, pair, settings) if verdict.verdict is Pair.RESOLVED else None
-    return replace(order, pair=pair, report=anew or _reported(verdict, pair))
+    by_slopes = order_report(order.order, order.pair, settings).pair.verdict
+    judged = order.report.pair.verdict is by_slopes is Pair.RESOLVED  # else a person wants both
+    anew = order_report(order.order, pair, settings) if judged else None
+    return replace(order, pair=pair, report=anew or _reported(order.report.pair, pair))
 
 
 def order_report(
