@@ -1,11 +1,9 @@
-"""Whether the ring describes the tyre: the verdict on a tuning, with its evidence."""
+"""Whether the ring describes the tyre: what speaks against a tuning, and what to leave out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import StrEnum
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
@@ -21,6 +19,7 @@ from model.identifiability import (
 from model.model_form import degrees_of_freedom, model_form, restarted, with_model_form
 from model.parameters import RING_NAMES
 from model.tuning_problem import CIRCUMFERENTIAL, MASS, RADIAL, Search, TuningProblem, plan_search
+from model.verdict import Evidence, Reason, RingVerdict
 
 _STARTS = 2  # of a tuning that another is compared with
 _LEAST_P = 1e-3  # probability of χ² from which on a deviation is one of the model
@@ -34,138 +33,6 @@ _TELLING = (MASS, RADIAL, CIRCUMFERENTIAL)  # parameters that a tyre does not ha
 _SHIFT_P = 0.05
 _SHIFT_GAIN = 25.0  # χ² of frequencies and modal masses that decides between moved orders and these
 _LEAST_ERROR = 1e-4  # relative error of a frequency below which none is compared
-
-
-class State(StrEnum):
-    """How far a tuned ring may be relied upon."""
-
-    GOOD = "good"
-    DOUBTFUL = "doubtful"
-    BAD = "bad"
-
-
-class Reason(StrEnum):
-    """What speaks against the ring: the name in ``tyre.toml``, its `meaning` and its `state`."""
-
-    meaning: str
-    state: State
-
-    def __new__(cls, name: str, meaning: str, state: State) -> Reason:
-        """Make the member that equals its name."""
-        member = str.__new__(cls, name)
-        member._value_, member.meaning, member.state = name, meaning, state
-        return member
-
-    RIM = "rim moves", "two modes of order 1: the rim or its fixture moves", State.BAD
-    TURNING = "rim turns", "two torsions: the rim turns on its fixture", State.DOUBTFUL
-    SHIFTED = "orders shifted", "the ring fits better with all orders moved by one", State.BAD
-    MISFIT = "misfit", "no ring has these frequencies", State.BAD
-    ORDER = "order", "one order does not belong to the ring of the others", State.DOUBTFUL
-    DEVIATION = "deviation", "the ring deviates more than rings do from tyres", State.DOUBTFUL
-    MASSES = "modal masses", "modal masses contradict the frequencies", State.DOUBTFUL
-    TORSION = "torsion", "the torsion contradicts the frequencies", State.DOUBTFUL
-    UNTESTED = "untested", "no more orders than unknowns: nothing tests the ring", State.DOUBTFUL
-    BOUND = "at bound", "a parameter ended on a limit", State.DOUBTFUL
-    ORDER_1 = "order 1 not tested", "order 1 not tested without torsion", State.GOOD
-    NUMBERS = "orders not tested", "frequencies alone do not test the orders' numbers", State.GOOD
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """One reason against a tuned ring, or what nothing tests (state good).
-
-    Parameters
-    ----------
-    reason : Reason
-    detail : str
-        What was found and the limit, in words.
-    order : int or None
-        Circumferential order that it is about.
-    """
-
-    reason: Reason
-    detail: str
-    order: int | None = None
-
-
-@dataclass(frozen=True)
-class RingVerdict:
-    """Verdict on a tuned ring.
-
-    Parameters
-    ----------
-    evidence : tuple of Evidence
-        What speaks against the ring, and what its data cannot test.
-    chi2 : float or None
-        Sum of squared deviations of the frequencies over their own variance and that of the model
-        form; None where it has no degrees of freedom.
-    degrees_of_freedom : int
-        Number of frequencies less the free parameters they determine.
-    orders_used, orders_left_out : tuple of int
-        Circumferential orders that the ring was tuned on, and measured ones it was not.
-    """
-
-    evidence: tuple[Evidence, ...]
-    chi2: float | None
-    degrees_of_freedom: int
-    orders_used: tuple[int, ...]
-    orders_left_out: tuple[int, ...] = ()
-
-    @property
-    def state(self) -> State:
-        """The worst state that a piece of evidence implies."""
-        states = {each.reason.state for each in self.evidence}
-        return next((each for each in (State.BAD, State.DOUBTFUL) if each in states), State.GOOD)
-
-    @property
-    def is_good(self) -> bool:
-        """Whether nothing speaks against the ring."""
-        return self.state is State.GOOD
-
-    @property
-    def against(self) -> tuple[Evidence, ...]:
-        """What speaks against the ring."""
-        return tuple(each for each in self.evidence if each.reason.state is not State.GOOD)
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """The verdict as ``tyre.toml`` has it."""
-        return {
-            "state": self.state.value,
-            "reasons": [
-                {"reason": each.reason.value, "detail": each.detail}
-                | ({} if each.order is None else {"order": each.order})
-                for each in self.evidence
-            ],
-            **({} if self.chi2 is None else {"chi2": float(self.chi2)}),
-            "degrees_of_freedom": self.degrees_of_freedom,
-            "orders_used": list(self.orders_used),
-            "orders_left_out": list(self.orders_left_out),
-        }
-
-    @classmethod
-    def of_record(cls, record: dict[str, Any]) -> RingVerdict:
-        """The verdict of a `record`; `KeyError`, `TypeError` or `ValueError` where it is none."""
-        reasons = {reason.value: reason for reason in Reason}
-        found = cls(
-            tuple(
-                Evidence(reasons[each["reason"]], str(each["detail"]), each.get("order"))
-                for each in record["reasons"]
-            ),
-            float(record["chi2"]) if "chi2" in record else None,
-            int(record["degrees_of_freedom"]),
-            tuple(map(int, record["orders_used"])),
-            tuple(map(int, record["orders_left_out"])),
-        )
-        if record["state"] != found.state:
-            raise ValueError(f"state {record['state']!r} for the reasons of {found.state.value!r}")
-        return found
-
-    def text(self) -> str:
-        """The verdict in a sentence."""
-        return f"{self.state}: " + (
-            "; ".join(e.detail for e in self.evidence) or "nothing doubtful"
-        )
 
 
 def judge_tuning(
@@ -196,7 +63,7 @@ def judge_tuning(
     # A wrong unit of the modal masses moves no order: their scale is left open.
     search, values, found = _without_wrong_value(search, values)
     if not found:
-        search, values, found = _without_wrong_order_1(search, values)
+        search, values, found = _without_barely_tested(search, values)
     if search.problem.torsion_hz is None:
         all_orders = restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
     whole = replace(search.problem, masses=problem.masses, belt_width_m=None)
@@ -327,25 +194,26 @@ def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, 
     return other, found, [Evidence(Reason.ORDER, detail, order) for order in likely]
 
 
-def _without_wrong_order_1(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
-    """Leave out order 1 where the others are closer to a ring than tyres are, and it is not.
+def _without_barely_tested(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:
+    """Leave out order 1 or 2 where the others are closer to a ring than tyres are, and it is not.
 
-    Of all orders it is tested least: only what the others leave of the model form may show it.
+    Of all orders they are tested least, as k_r and k_θ rest on them: only what the others leave of
+    the model form may show it.
     """
     problem = search.problem
-    used = problem.orders[problem.used]
-    if problem.objective == "paper" or 1 not in used or degrees_of_freedom(search) < _LEAST_SPARE:
+    if problem.objective == "paper" or degrees_of_freedom(search) < _LEAST_SPARE:
         return search, values, []
-    others, found = restarted(_without_order(problem, 1), search, values)
-    off = problem.relative_deviations(others.ring(found))[problem.orders == 1][0]
-    if abs(off) < OUTLIER * problem.priors.model_form_std:
-        return search, values, []
-    sharper = with_model_form(search, model_form(others, found).std)
-    other, found, evidence = _without_wrong_value(*restarted(sharper.problem, sharper, values))
-    if all(each.order != 1 for each in evidence):
-        return search, values, []
-    other = with_model_form(other, problem.priors.model_form_std)
-    return *restarted(other.problem, other, found), evidence
+    for order in sorted({1, 2} & set(problem.orders[problem.used].tolist())):
+        others, found = restarted(_without_order(problem, order), search, values)
+        off = problem.relative_deviations(others.ring(found))[problem.orders == order][0]
+        if abs(off) < OUTLIER * problem.priors.model_form_std:
+            continue
+        sharper = with_model_form(search, model_form(others, found).std)
+        other, found, evidence = _without_wrong_value(*restarted(sharper.problem, sharper, values))
+        if any(each.order == order for each in evidence):
+            other = with_model_form(other, problem.priors.model_form_std)
+            return *restarted(other.problem, other, found), evidence
+    return search, values, []
 
 
 def _without_torsion(

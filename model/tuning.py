@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
-from model.adequacy import RingVerdict, judge_tuning
+from model.adequacy import judge_tuning
 from model.arguments import Array, ReadonlyArrays, measured_orders, require_type
 from model.coefficients import PressureLoad
 from model.display import plot, table, value_with_std
@@ -50,6 +50,7 @@ from model.tuning_problem import (
     Search,
     TuningProblem,
 )
+from model.verdict import RingVerdict
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from model.adequacy import Evidence, Reason, RingVerdict
+from model.verdict import Evidence, Reason, RingVerdict
 from pipelines.results.parameter_set import Parameter, ParameterSet, write_parameter_set
 from pipelines.results.verdict import Basis
 

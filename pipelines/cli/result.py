@@ -10,8 +10,8 @@ from ema.core.display import band_text, counted, value_with_std
 from ema.core.errors import InputError
 from ema.core.modes import Chosen
 from model import TuningResult
-from model.adequacy import State
 from model.parameters import DAMPING_NAMES, RING_NAMES
+from model.verdict import State
 from pipelines.cli import options as opt
 from pipelines.cli.screen import print_table, say, shown, warn
 from pipelines.cli.streams import reporting_outcome

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from ema.core.errors import InputError
-from model.adequacy import State
+from model.verdict import State
 from pipelines.cli import options as opt
 from pipelines.cli import show_tyre
 from pipelines.cli.app import Command, group

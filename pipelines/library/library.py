@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ema.core.errors import InputError, unknown
-from model.adequacy import State
 from model.errors import ParameterError
+from model.verdict import State
 from pipelines.library.numbering import VARIABLE, folder_name, numbered_files, split_reference
 from pipelines.library.version import Entry, LibraryTyre, Version, login_name, signed_now
 from pipelines.results.parameter_set import (

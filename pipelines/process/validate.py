@@ -18,11 +18,11 @@ from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.mac import auto_mac, mac
 from ema.core.modes import ModalModel, Mode
-from model.adequacy import RingVerdict
 from model.damping import DampingResult, damping_ratios
 from model.parameters import RingParameters
 from model.ring import modal_mass_kg as ring_mass_kg
 from model.tuning import TuningResult
+from model.verdict import RingVerdict
 from pipelines.results.result import Validation
 
 _MOST_NAMED = 3  # warnings in the message of a strict run

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.display import DASH, number, signed, value_with_std
-from model.adequacy import State
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
 from model.ring import natural_frequencies_hz
 from model.tuning import TuningResult
+from model.verdict import State
 from pipelines.plots import ring as plots
 from pipelines.plots.chart import Chart
 from pipelines.plots.modes import matrix_chart

@@ -17,10 +17,10 @@ from ema.core.display import counted, number
 from ema.core.errors import InputError
 from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Flag, Mode
-from model.adequacy import Reason, RingVerdict, State
 from model.coefficients import PressureLoad
 from model.identifiability import AT_BOUND, NOT_IDENTIFIED
 from model.parameters import DAMPING_NAMES, RING_NAMES
+from model.verdict import Reason, RingVerdict, State
 from pipelines.results.result import Result
 
 #: The state in words, and a sign that can be told without its colour.

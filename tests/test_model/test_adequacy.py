@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from model import modal_mass_kg, natural_frequencies_hz, torsion_frequency_hz, tune_ring
-from model.adequacy import Reason, State
-from model.parameters import TABLE_3_FREQUENCIES_HZ, TABLE_3_ORDERS, TABLE_4_RING, TuningPriors
+from model.parameters import (
+    TABLE_3_FREQUENCIES_HZ,
+    TABLE_3_ORDERS,
+    TABLE_4_RING,
+    RingParameters,
+    TuningPriors,
+)
+from model.verdict import Reason, State
 
 ORDERS = np.arange(1, 9)
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
@@ -96,6 +102,26 @@ def test_an_order_that_others_can_hardly_check_is_named(order, share):
     assert set(reasons(result)) == {Reason.ORDER}
     assert order in [each.order for each in result.verdict.evidence]
     assert_within(result)
+
+
+@pytest.mark.parametrize(
+    ("ring", "share"),
+    [
+        (RingParameters(0.335, 3.13, 1.64e6, 7.7e5, 1.86e7, 0.753, 3.97e5), 1.05),
+        (RingParameters(0.314, 3.65, 2.62e6, 9.46e5, 3.67e7, 0.633, 5.81e5), 1.05),
+        (RingParameters(0.320, 1.57, 5.83e5, 5.69e4, 2.80e8, 0.440, 5.41e5), 0.95),
+    ],
+)
+def test_order_2_is_named_where_little_tests_it(ring, share):
+    """Tyres of bicycles: a ring with hardly any k_r or k_θ meets the wrong order as well."""
+    truth_hz = natural_frequencies_hz(ring, ORDERS)
+    tyre = {
+        "mean_radius_m": ring.mean_radius_m,
+        "inflation_pressure_pa": ring.inflation_pressure_pa,
+    }
+    result = tune_ring(ORDERS, np.where(ORDERS == 2, share, 1.0) * truth_hz, **tyre)
+    assert (Reason.ORDER, 2) in [(each.reason, each.order) for each in result.verdict.against]
+    assert tune_ring(ORDERS, truth_hz, **tyre).verdict.is_good
 
 
 @pytest.mark.parametrize("step", [-1, 1])

@@ -13,11 +13,11 @@ from model import (
     natural_frequencies_hz,
     tune_ring,
 )
-from model.adequacy import Reason
 from model.parameters import RING_NAMES, TABLE_4_RING, TuningPriors
 from model.parameters import TABLE_3_FREQUENCIES_HZ as MEASURED
 from model.parameters import TABLE_3_ORDERS as ORDERS
 from model.tuning_problem import TuningProblem
+from model.verdict import Reason
 
 TYRE = {"mean_radius_m": 0.33, "inflation_pressure_pa": 2.2e5}
 MASS = {"mass_per_area_kg_m2": 19.69}

@@ -13,10 +13,10 @@ from tyre_property_files import content
 
 from ema.core.errors import InputError
 from model import damping_ratios, natural_frequencies_hz, torsion_frequency_hz
-from model.adequacy import Evidence, Reason, RingVerdict
 from model.foundation import with_pressure_load
 from model.parameters import GROWTH
 from model.tuning_problem import TuningProblem
+from model.verdict import Evidence, Reason, RingVerdict
 from pipelines.export.belt import VALUES
 from pipelines.export.tir_file import tir_of
 from pipelines.export.tir_update import plan_update, ring_from_tir

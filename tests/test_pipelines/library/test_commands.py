@@ -6,7 +6,7 @@ import pyarrow.parquet as pq
 import pytest
 from library import SET, doubted, varied, written
 
-from model.adequacy import Reason
+from model.verdict import Reason
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from library import DESIGNATION, SET, doubted, varied, written
 
 from ema.core.errors import InputError
-from model.adequacy import Reason
+from model.verdict import Reason
 from pipelines.cli.options import numbers_of
 from pipelines.library.export import FORMATS, LONG, WIDE, export, version_rows, write_table
 from pipelines.library.history import difference, history_of, pressure_series

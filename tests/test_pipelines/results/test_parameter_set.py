@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ema.core.errors import InputError
-from model.adequacy import Evidence, Reason, RingVerdict, State
 from model.damping import identify_damping
 from model.parameters import (
     TABLE_3_DAMPING_RATIOS,
@@ -19,6 +18,7 @@ from model.parameters import (
     Wheel,
 )
 from model.tuning import tune_ring
+from model.verdict import Evidence, Reason, RingVerdict, State
 from pipelines.results.parameter_set import (
     DAMPING_NAMES,
     RING_NAMES,

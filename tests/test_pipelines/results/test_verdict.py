@@ -11,9 +11,9 @@ from ema.core.finding import Check, Finding, Verdict
 from ema.core.modes import Flag
 from ema.identify import SensorMass
 from ema.poles.stability import Opinion
-from model.adequacy import Evidence, Reason, State
 from model.identifiability import IDENTIFIED
 from model.parameters import RING_NAMES
+from model.verdict import Evidence, Reason, State
 from pipelines.results.verdict import judge, orders_in_doubt, ring_is_usable
 
 
