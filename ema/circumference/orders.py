@@ -190,9 +190,11 @@ def family(modes: Sequence[Mode]) -> dict[int, list[int]]:
     all orders of a ring and much larger for what the ring only shakes along with.
     """
     candidates = [k for k, mode in enumerate(modes) if mode.order and mode.order_purity >= PURE]
-    # By its amplitude, a broad pole that is no mode would outweigh all of them.
-    usual = np.median([modes[k].damping_ratio for k in candidates]) if candidates else 0.0
-    candidates = [k for k in candidates if modes[k].damping_ratio <= _ODD_DAMPING * usual]
+    # By its amplitude, a broad pole that is no mode would outweigh all of them. Damping may be the
+    # belt's, with equal ratios, or the sidewalls', with equal rates of decay.
+    sizes = [(modes[k].damping_ratio, -modes[k].pole.real) for k in candidates]
+    odd = np.min(np.divide(sizes, np.median(sizes, axis=0)), axis=1) if sizes else []
+    candidates = [k for k, ratio in zip(candidates, odd, strict=True) if ratio <= _ODD_DAMPING]
     main = _strongest_rising(modes, candidates)
     members: dict[int, list[int]] = {}
     for k in main:

@@ -40,6 +40,13 @@ def test_a_ring_alone_is_its_own_family_in_any_sequence(places):
     assert all(modes[k].order == order for order, (k,) in members.items())
 
 
+def test_orders_that_sidewalls_damp_alike_are_a_family():
+    """Equal rates of decay: order 1 has three times the damping ratio of most."""
+    hz = np.array([47.6, 78.5, 109.0, 140.6, 173.0, 206.0, 239.6, 273.6])
+    modes = [mode_of(n, f, damping=2.74 / f) for n, f in enumerate(hz, start=1)]
+    assert sorted(family(modes)) == list(range(1, 9))
+
+
 @pytest.mark.parametrize(
     "stranger",
     [
