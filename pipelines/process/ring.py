@@ -263,14 +263,16 @@ def _for_load(
     """
     found = tuned({})
     is_chosen = "pressure_load" in chosen or CIRCUMFERENTIAL in chosen
-    if is_chosen or found.how[CIRCUMFERENTIAL] != AT_BOUND or found.pressure_load == "follower":
+    negative = found.how[CIRCUMFERENTIAL] == AT_BOUND
+    if is_chosen or found.pressure_load == "follower" or not (negative or found.verdict.against):
         return found
     other = tuned({"pressure_load": "follower"})
-    if other.how[CIRCUMFERENTIAL] == AT_BOUND:
+    if other.how[CIRCUMFERENTIAL] == AT_BOUND or not (negative or other.verdict.is_good):
         return found
+    reason = "would need k_θ below zero" if negative else "fits no ring"
     note = (
-        "As a dead load the pressure would need k_θ below zero: the ring is tuned for a pressure "
-        "that stays normal to the belt (follower)."
+        f"As a dead load the pressure {reason}: the ring is tuned for a pressure that stays normal "
+        "to the belt (follower)."
     )
     return replace(other, notes=(note, *other.notes))
 
