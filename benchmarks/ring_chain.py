@@ -124,7 +124,8 @@ def compared(seed: int, tangential: bool, load: str) -> None:
         if change.key in true:
             off = change.new / true[change.key] - 1
             sigmas = (change.new - true[change.key]) / (change.std or np.nan)
-            told.append(f"{change.key} {100 * off:+.2f} % ± {100 * (change.std or np.nan) / change.new:.2f} ({sigmas:+.1f} σ)")
+            std = 100 * (change.std or np.nan) / change.new
+            told.append(f"{change.key} {100 * off:+.2f} ± {std:.2f} % ({sigmas:+.1f} σ)")
     load = f"{result.tuning.pressure_load} load{'' if load else ', by itself'}"
     print(f"ring {seed} {load}: {'; '.join(told)}; verdict {result.tuning.verdict.state}")
 
