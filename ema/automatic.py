@@ -29,8 +29,13 @@ from ema.checks.positions import (
     unexplained_share,
 )
 from ema.checks.sensor_consistency import SLACK, ConsistencyCheck, check_consistency, is_better
-from ema.checks.sensor_mass import SensorMass, is_drift_lost, with_mass_std, without_mass
-from ema.circumference.mass_loading import Across
+from ema.checks.sensor_mass import (
+    SensorMass,
+    is_drift_lost,
+    mixed_waves,
+    with_mass_std,
+    without_mass,
+)
 from ema.circumference.orders import on_circle, without_order
 from ema.core.edits import Edit, EditKind
 from ema.core.errors import FitError, InputError
@@ -279,11 +284,12 @@ class Basis:
         diagram, fit = self.asked.fit(state.fitted, poles)
         return replace(self, state=state, frf=state.fitted, diagram=diagram, fit=fit)
 
-    def across(self, across: Across) -> Basis:
-        """The same poles where the mass of the sensors is compensated by what pairs show."""
-        if not self.loads:
+    def knowing(self, **known: Any) -> Basis:
+        """The same poles where the mass of the sensors is compensated by what modes show."""
+        if not self.loads or self.asked.loading is None:
             return self
-        state = self.state.knowing(across=across)
+        known["mixed"] = mixed_waves(self.fit.model, self.asked.loading.excitation_deg)
+        state = self.state.knowing(**known)
         curve = self.fit.curve.on(state.fitted)
         curve.find_pairs()
         return replace(self, state=state, frf=state.fitted, fit=EditedFit(curve))
@@ -373,12 +379,16 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
 
     Where it does not, the pairs have in their ± what it would have changed.
     """
+    loads = any(each.loads for each in bases)
+    if loads:
+        mixed = [each.knowing() for each in bases]
+        bases = mixed if _misfit(mixed) <= SLACK * _misfit(bases) else bases
     fits = _with_pairs(bases)
-    for _ in range(_MASS_PASSES if any(each.loads for each in bases) else 0):
+    for _ in range(_MASS_PASSES if loads else 0):
         found = across_forces([fit.curve for fit in fits])
         if not any(found):
             break
-        known = [each.across(own) for each, own in zip(bases, found, strict=True)]
+        known = [each.knowing(across=own) for each, own in zip(bases, found, strict=True)]
         again = _with_pairs(known)
         before, after = (sum(fit.model.misfit for fit in each) for each in (fits, again))
         if after > SLACK * before:
@@ -389,6 +399,10 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
     if len(bases) == 1:
         bases = [replace(bases[0], fit=fits[0])]
     return bases, fits
+
+
+def _misfit(bases: Sequence[Basis]) -> float:
+    return sum(each.fit.model.misfit for each in bases)
 
 
 def _with_pairs(bases: Sequence[Basis]) -> list[EditedFit]:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ema.circumference.mass_loading import Across, unloaded, without_live_mass
-from ema.circumference.orders import family, on_circle
+from ema.circumference.mass_loading import TYRE_ORDERS, Across, unloaded, without_live_mass
+from ema.circumference.orders import circle_basis, family, highest_order, on_circle
+from ema.circumference.sensor_pull import Mixed
 from ema.core.campaign import Campaign, Run
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
@@ -25,6 +26,8 @@ _ACROSS_KNOWN = 0.1
 # seen of it; so much of an order's response is of other orders that an uneven tyre mixes in.
 _NOT_OWN = 0.015
 _LINE_ARRAYS, _FEWEST_LINES = ("values", "coherence", "std"), 8
+# Least motion of a mode at the shaker, over its rms, for what a force elsewhere does to be known.
+_DRIVEN = 0.1
 # A position this near the force is the drive point.
 _AT_FORCE_DEG = 2.5
 # The drift of the loaded tyre is lost where this share of it is no longer found.
@@ -57,6 +60,8 @@ class SensorMass:
         `ema.circumference.mass_loading.Across`.
     upper_hz : float or None
         Highest line that is compensated; None for all.
+    mixed : tuple of ndarray or None
+        Modes whose waves of several orders couple these, see `mixed_waves`.
 
     Examples
     --------
@@ -76,11 +81,23 @@ class SensorMass:
     own_kg: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     across: Across = field(default_factory=dict)
     upper_hz: float | None = None
+    mixed: Mixed | None = None
 
     @property
     def loads(self) -> bool:
         """Whether a sensor has a mass."""
         return bool(self.mass_kg) or any(np.any(each) for each in self.own_kg.values())
+
+
+def mixed_waves(model: ModalModel, excitation_deg: float) -> Mixed:
+    """Poles of modes that the force drives, and the waves of their residues around it."""
+    highest = highest_order(model.position_deg)
+    basis = circle_basis(model.position_deg - excitation_deg, highest)
+    residues = np.array([mode.residues for mode in model.modes]).reshape(-1, len(basis))
+    waves = (np.linalg.pinv(basis) @ residues.T).T[:, : 1 + 2 * min(highest, TYRE_ORDERS)]
+    at_shaker = np.abs(waves[:, 0] + waves[:, 1::2].sum(axis=1))
+    driven = at_shaker > _DRIVEN * np.linalg.norm(waves, axis=1)
+    return np.array([mode.pole for mode in model.modes])[driven], waves[driven]
 
 
 def is_drift_lost(loaded: ModalModel, bare: ModalModel) -> bool:
@@ -166,6 +183,7 @@ def without_mass(frf: FRF, sensor_mass: SensorMass | None) -> FRF:
         sensor_mass.drift,
         sensor_mass.live_mass_kg,
         sensor_mass.across,
+        sensor_mass.mixed,
     )
     return _with_lines(frf, lines, bare)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from ema.circumference.orders import circle_basis, highest_order, pull_on_waves, stretch_hz
-from ema.circumference.sensor_pull import mass_push, moved, orientations
+from ema.circumference.sensor_pull import Mixed, between_orders, mass_push, moved, orientations
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.errors import InputError
 from ema.core.frf import FRF, ROW_ARRAYS
@@ -29,7 +29,7 @@ _LIVE_KNOWN = 1e-3
 _NOISE_ONLY, _LINES_OF_LEVEL = 3.0, 9
 # Orders that may have resonances near 300 Hz, some ten, and tails of such. With eight only, six
 # sensors in twelve runs gave FRFs that were wrong by a half; those above answer by their stiffness.
-_TYRE_ORDERS = 16
+TYRE_ORDERS = 16
 # Share of an FRF that orders above the highest one resolved may hold.
 _UNRESOLVED = 1e-3
 # Orientation, turn and motion along the belt are found from the mean of all runs with sensors on,
@@ -45,6 +45,7 @@ def unloaded(
     drift: Drift = NO_DRIFT,
     live_mass_kg: float = 0.0,
     across: Across | None = None,
+    mixed: Mixed | None = None,
 ) -> FRF:
     """FRFs of the bare tyre, without the mass of the sensors and that at the load cell.
 
@@ -52,7 +53,8 @@ def unloaded(
     H_bare(θ_i) = H(θ_i) + m Σ_k Y(θ_i, θ_k) H(θ_k), exactly. The inertances Y between sensors
     follow from those to the shaker as far as the tyre is the same all around; where the two members
     of an order's pair differ, their orientation and what the sensors do differently from run to run
-    tell the rest (`ema.circumference.mass_loading`).
+    tell the rest (`ema.circumference.mass_loading`). `mixed` has the modes of an uneven tyre, which
+    couple its orders.
 
     The FRFs are of a closed circle, `sensors_deg` are the angles of all sensors of each run from
     `sensors_of_runs` (`InputError` if those of a run are unknown), and `mass_kg` is that of one
@@ -62,7 +64,7 @@ def unloaded(
     2 % of damping. `live_mass_kg` is between load cell and tyre: the inertance at the force differs
     from run to run as the sensors do, and is known once these are compensated.
     """
-    loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}
+    loading = sensors_deg, mass_kg, excitation_deg, drift, across or {}, mixed
     average = without_live_mass(frf, live_mass_kg, excitation_deg, drift)
     bare, at_force = _bared(average, *loading)
     mass_kg_of_lines = live_mass_kg * _has_response(frf)
@@ -84,6 +86,7 @@ def _bared(
     excitation_deg: float,
     drift: Drift,
     across: Across,
+    mixed: Mixed | None,
 ) -> tuple[FRF, dict[str, Complex]]:
     """FRFs without the mass of the sensors, and the inertance at the force with it by run."""
     fixed = frf.reference
@@ -95,11 +98,15 @@ def _bared(
     names = list(dict.fromkeys(rows.run))
     run = np.array([names.index(name) for name in rows.run])
     noise, shift = _noise_of_lines(rows), _shifts(drift, names, rows.frequency_hz)
-    soft, stiff = slice(1 + 2 * _TYRE_ORDERS), slice(1 + 2 * _TYRE_ORDERS, None)
+    soft, stiff = slice(1 + 2 * TYRE_ORDERS), slice(1 + 2 * TYRE_ORDERS, None)
     inertance = _stiff_inertances(waves[stiff], rows.frequency_hz)
     along_force = basis[:, stiff][:, ::2] @ inertance[::2]
     known = _between_members(across, drift, names, rows.frequency_hz)[: len(waves[soft]) // 2]
-    seen, own = waves[soft], dict.fromkeys(sensors_deg, waves)
+    force = np.zeros((1, *waves[soft].shape))
+    force[:, 0], force[:, 1::2] = 1.0, 1.0
+    driven = between_orders(mixed, force, rows.frequency_hz)[0]
+    along_force = along_force + basis[:, soft] @ driven
+    seen, own = waves[soft] - driven, dict.fromkeys(sensors_deg, waves)
     left = rows.values - along_force - basis[:, soft] @ seen
     for _ in range(_PASSES):
         # Errors of angles and gains leave more than the noise: taken for what the sensors do
@@ -122,12 +129,15 @@ def _bared(
         pull = np.stack([_of_run(pulls, name) for name in names])
         taken = inertance * pull[:, stiff]
         push = np.array([row @ taken[k] for row, k in zip(basis[:, stiff], run, strict=True)])
+        between = between_orders(mixed, pull[:, soft], rows.frequency_hz)
+        push += np.array([row @ between[k] for row, k in zip(basis[:, soft], run, strict=True)])
         values = rows.values + push - along_force
         taken_soft, with_sensors, seen, left = mass_push(
             *(rows.frequency_hz, values, assumed, basis[:, soft], pull[:, soft], run, shift),
             *(known, seen, pairs),
         )
-        for name, moving in zip(names, with_sensors, strict=True):
+        taken_soft = taken_soft + between
+        for name, moving in zip(names, with_sensors + driven - between, strict=True):
             own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
     taken = np.concatenate([taken_soft, taken], axis=1)
     values = rows.values + np.array([row @ taken[k] for row, k in zip(basis, run, strict=True)])
@@ -142,7 +152,7 @@ def _between_members(
     across: Across, drift: Drift, names: Sequence[str], frequency_hz: Real
 ) -> Complex:
     """Difference ss − cc of each order, between the runs; NaN where it is not known."""
-    known, none = np.full((_TYRE_ORDERS, frequency_hz.size), np.nan + 0j), np.zeros(1)
+    known, none = np.full((TYRE_ORDERS, frequency_hz.size), np.nan + 0j), np.zeros(1)
     parts = [part for name in names for part in name.split("+")]
     for order, (poles, each) in across.items():
         middle = np.mean([drift.poles_in(part, poles) for part in parts], axis=0)

@@ -10,6 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Mixed = tuple[Complex, Complex]  # of modes, poles in rad/s and residues by wave around the force
 
 # How far other orders turn the force in the plane of an order's waves (1 σ, tangent): a tyre whose
 # stiffness varies by 1 % around it, benchmarks/laboratory.py.
@@ -96,6 +97,24 @@ def mass_push(
     for number in range(len(acting)):
         left[run == number] = middle[run == number] - basis[run == number] @ explained[number]
     return taken, with_sensors, _answer(force, found), left
+
+
+def between_orders(mixed: Mixed | None, force: Complex | Real, frequency_hz: Real) -> Complex:
+    """Inertances of waves to forces on waves of other orders, (n_forces, n_waves, n_frequencies).
+
+    A mode of an uneven tyre has waves of several orders: with its residues A, what moves θ_i for a
+    force at θ_k is A(θ_i) A(θ_k)/A(shaker). What it is within an order `mass_push` finds. `force`
+    are those on each wave, of the same shape; nothing moves where no modes are known.
+    """
+    moving = np.zeros(force.shape, dtype=complex)
+    order = (np.arange(force.shape[1]) + 1) // 2
+    s = 2j * np.pi * frequency_hz
+    for pole, waves in zip(*mixed, strict=True) if mixed is not None else ():
+        at_shaker = waves[0] + waves[1::2].sum()
+        coupled = np.outer(waves, waves) / at_shaker * (order[:, None] != order)
+        moving += (coupled @ force) * (s**2 / (s - pole))
+        moving += (coupled.conj() @ force) * (s**2 / (s - pole.conj()))
+    return moving
 
 
 def moved(frequency_hz: Real, values: Complex, shift: Real) -> Complex:

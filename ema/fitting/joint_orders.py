@@ -27,6 +27,8 @@ _STATE_STD, _SAME = np.array([0.003, 0.02]), np.array([1e-7, 1e-6])
 _TELLS_NOTHING = 1e-6
 # A member with less than this share of the other's residue is not driven.
 _NOT_DRIVEN = 1e-6
+# … nor does one with less than this tell one force what lies across it.
+_HARDLY_DRIVEN = 0.1
 # What one force sees of a pair tells what lies across the force where the members are apart by so
 # many standard deviations. A partner of 0.03 % of the response, a hertz off, made one member two.
 _PLACED_STD = 2.0
@@ -234,7 +236,7 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
         pairs = [ring[order].pair for ring in rings]
         residues = np.array([pair.residues for pair in pairs if pair])  # (n_forces, members, 2)
         size = np.linalg.norm(residues, axis=2).max(axis=0)
-        if not np.min(size) > _NOT_DRIVEN * np.max(size):
+        if not np.min(size) > (_HARDLY_DRIVEN if alone else _NOT_DRIVEN) * np.max(size):
             continue  # nothing is seen of a member
         strongest = residues[np.argmax(np.linalg.norm(residues, axis=2), axis=0), _BOTH]
         phase = np.exp(-0.5j * np.angle(np.sum(strongest**2, axis=1)))
@@ -243,6 +245,9 @@ def across_forces(curves: Sequence[CurveFit]) -> list[dict[int, tuple[Complex, C
         drive = along @ crest.T  # (n_forces, members)
         most = np.argmax(np.abs(drive), axis=0)
         whole = np.sum(residues[most, _BOTH] * crest, axis=1) / drive[most, _BOTH]
+        if alone:  # one modal mass for both, as the pair has it
+            share = drive[0] ** 2
+            whole = np.full(2, whole @ share / share.sum())
         change = whole * ((across @ crest.T) ** 2 - drive**2)
         for own, ring, each in zip(found, rings, change, strict=True):
             own[order] = ring[order].poles, each

@@ -90,6 +90,7 @@ class StoredMass:
     own_kg: dict[str, tuple[float, ...]] = field(default_factory=dict)
     across: dict[int, tuple[tuple[Two, ...], tuple[Two, ...]]] = field(default_factory=dict)
     upper_hz: float | None = None
+    mixed: tuple[tuple[Two, ...], tuple[tuple[Two, ...], ...]] | None = None
 
 
 @dataclass(frozen=True)

@@ -283,7 +283,11 @@ def _mass(held: schema.StoredMass | None) -> SensorMass | None:
         for order, (poles, residues) in held.across.items()
     }
     of_tyre = held.excitation_deg, held.live_mass_kg, drift
-    return SensorMass(held.mass_kg, seats, *of_tyre, own, across, held.upper_hz)
+    mixed = None
+    if held.mixed is not None:
+        poles, waves = held.mixed
+        mixed = _complex(poles), np.array([_complex(each) for each in waves])
+    return SensorMass(held.mass_kg, seats, *of_tyre, own, across, held.upper_hz, mixed)
 
 
 def _complex(pairs: Sequence[schema.Two]) -> NDArray[np.complex128]:
