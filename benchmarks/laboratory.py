@@ -123,7 +123,7 @@ def random_options(seed: int) -> dict[str, Any]:
     def maybe(share: float, value: Any) -> Any:
         return value if random.uniform() < share else type(value)()
 
-    return {
+    drawn = {
         "splice": maybe(0.7, random.uniform(0, 0.01)),
         "stiffness_variation": float(np.exp(random.uniform(np.log(0.001), np.log(0.03)))),
         "mass_variation": maybe(0.7, random.uniform(0, 0.01)),
@@ -147,6 +147,7 @@ def random_options(seed: int) -> dict[str, Any]:
         "hum": maybe(0.5, random.uniform(0, 0.1)),
         "bits": int(random.choice([12, 16, 24])),
     }
+    return drawn | ({"shaker": False} if drawn["excitation"] == "hammer" else {})
 
 
 def measure(options: dict[str, Any], seed: int, duration_s: float, *, toolbox: bool) -> Result:

@@ -36,6 +36,9 @@ _MIXED_JOINTLY = 0.02
 _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
+# Error of a pole along the imaginary axis over that across it, at least; noise has 1. Rows with
+# less were off by up to 8 σ in benchmarks/laboratory.py.
+_DIRECTED = 0.5
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
 # Of members within a half-width, of which one is seen, the other bends its peak by their distance
@@ -116,7 +119,7 @@ def as_seen(
     floor = (size * drift.unsteadiness(mode.frequency_hz)) ** 2 + (size * drift.left_out) ** 2
     floor += (mixed * width * _IMPURE) ** 2
     if ring is None or ring.pair is None:
-        own = covariance + np.diag(floor + between**2)
+        own = _in_either_direction(mode, covariance + np.diag(floor + between**2))
         return [_with_std(mode, own)], own
     pair = ring.pair
     floor += (_FLOOR * size) ** 2 + (size * drift.std_of_mean) ** 2
@@ -130,7 +133,7 @@ def as_seen(
             unsure = floor + _of_shares(pair) ** 2
             if ring.report.pair.chance < settings.pair_p_value:
                 unsure = unsure + _to_stronger(pair)
-        own = pair.covariance[at, at] + np.diag(between**2 + unsure)
+        own = _in_either_direction(mode, pair.covariance[at, at] + np.diag(between**2 + unsure))
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
@@ -289,6 +292,15 @@ def _to_stronger(pair: PairFit) -> NDArray[np.float64]:
     to_stronger[[0, 1], [stronger, stronger + 1]], to_stronger[[0, 1], [4, 5]] = 1.0, -1.0
     away = to_stronger @ pair.numbers
     return np.asarray((away / 2) ** 2 + np.diag(to_stronger @ pair.covariance @ to_stronger.T))
+
+
+def _in_either_direction(mode: Mode, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance in which the frequency is not known far better than damping says of the pole.
+
+    Errors move a pole along and across the imaginary axis alike.
+    """
+    least_hz = _DIRECTED * mode.frequency_hz * np.sqrt(covariance[1, 1])
+    return covariance + np.diag([max(least_hz**2 - covariance[0, 0], 0.0), 0.0])
 
 
 def _with_std(mode: Mode, covariance: NDArray[np.float64]) -> Mode:
