@@ -284,11 +284,12 @@ class Basis:
         diagram, fit = self.asked.fit(state.fitted, poles)
         return replace(self, state=state, frf=state.fitted, diagram=diagram, fit=fit)
 
-    def knowing(self, **known: Any) -> Basis:
+    def knowing(self, *, mixing: bool, **known: Any) -> Basis:
         """The same poles where the mass of the sensors is compensated by what modes show."""
         if not self.loads or self.asked.loading is None:
             return self
-        known["mixed"] = mixed_waves(self.fit.model, self.asked.loading.excitation_deg)
+        if mixing:
+            known["mixed"] = mixed_waves(self.fit.model, self.asked.loading.excitation_deg)
         state = self.state.knowing(**known)
         curve = self.fit.curve.on(state.fitted)
         curve.find_pairs()
@@ -380,15 +381,18 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
     Where it does not, the pairs have in their ± what it would have changed.
     """
     loads = any(each.loads for each in bases)
-    if loads:
-        mixed = [each.knowing() for each in bases]
-        bases = mixed if _misfit(mixed) <= SLACK * _misfit(bases) else bases
+    mixed = [each.knowing(mixing=True) for each in bases] if loads else bases
+    # On an even tyre, what is left of the sensors looks like waves of other orders.
+    mixing = SLACK * _misfit(mixed) < _misfit(bases)
+    bases = mixed if mixing else bases
     fits = _with_pairs(bases)
     for _ in range(_MASS_PASSES if loads else 0):
         found = across_forces([fit.curve for fit in fits])
         if not any(found):
             break
-        known = [each.knowing(across=own) for each, own in zip(bases, found, strict=True)]
+        known = [
+            each.knowing(mixing=mixing, across=own) for each, own in zip(bases, found, strict=True)
+        ]
         again = _with_pairs(known)
         before, after = (sum(fit.model.misfit for fit in each) for each in (fits, again))
         if after > SLACK * before:

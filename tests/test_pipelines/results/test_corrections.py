@@ -36,7 +36,8 @@ def result(short_result):
     seats = {run: frf.position_deg[np.array(frf.run) == run] for run in frf.run_names}
     warmer = replace(short_result.modal_model.drift, **DRIFT, run=frf.run_names)
     own = {run: 0.001 * np.arange(angles.size) for run, angles in seats.items()}
-    mass = SensorMass(0.001, seats, drift=warmer, own_kg=own)
+    modes = np.array([-20.0 + 600.0j]), np.linspace(0.5, 0.1, 33)[None] * (0.01 + 1j)
+    mass = SensorMass(0.001, seats, drift=warmer, own_kg=own, mixed=modes)
     changes = (FLIPPED, DEAD)
     fitted = without_mass(corrected(measured, changes), mass)
     return replace(
