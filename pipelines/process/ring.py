@@ -301,7 +301,10 @@ def _why_no_ring(tyre: Tyre | None, modal_model: ModalModel, options: Options) -
     n_orders = len(ring_orders(modal_model))
     if n_orders < _FEWEST_ORDERS:
         orders = "order was" if n_orders == 1 else "orders were"
-        return f"Only {n_orders} circumferential {orders} identified; a ring needs three."
+        return (
+            f"Only {n_orders} circumferential {orders} identified; a ring needs three. Stiff tyres "
+            "have them above 300 Hz: widen the band."
+        )
     return ""
 
 
