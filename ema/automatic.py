@@ -286,10 +286,10 @@ class Basis:
 
     def knowing(self, *, mixing: bool, **known: Any) -> Basis:
         """The same poles where the mass of the sensors is compensated by what modes show."""
-        if not self.loads or self.asked.loading is None:
+        if self.state.mass is None or not self.loads:
             return self
         if mixing:
-            known["mixed"] = mixed_waves(self.fit.model, self.asked.loading.excitation_deg)
+            known["mixed"] = mixed_waves(self.fit.model, self.state.mass.excitation_deg)
         state = self.state.knowing(**known)
         curve = self.fit.curve.on(state.fitted)
         curve.find_pairs()
@@ -381,10 +381,13 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
     Where it does not, the pairs have in their ± what it would have changed.
     """
     loads = any(each.loads for each in bases)
-    mixed = [each.knowing(mixing=True) for each in bases] if loads else bases
-    # On an even tyre, what is left of the sensors looks like waves of other orders.
-    mixing = SLACK * _misfit(mixed) < _misfit(bases)
-    bases = mixed if mixing else bases
+    mixing = False
+    if loads:
+        mixed = [each.knowing(mixing=True) for each in bases]
+        before, after = (_misfit([own.fit for own in each]) for each in (bases, mixed))
+        # On an even tyre, what is left of the sensors looks like waves of other orders.
+        mixing = SLACK * after < before
+        bases = mixed if mixing else bases
     fits = _with_pairs(bases)
     for _ in range(_MASS_PASSES if loads else 0):
         found = across_forces([fit.curve for fit in fits])
@@ -394,8 +397,7 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
             each.knowing(mixing=mixing, across=own) for each, own in zip(bases, found, strict=True)
         ]
         again = _with_pairs(known)
-        before, after = (sum(fit.model.misfit for fit in each) for each in (fits, again))
-        if after > SLACK * before:
+        if _misfit(again) > SLACK * _misfit(fits):
             curves = [fit.curve for fit in fits], [fit.curve for fit in again]
             fits = [EditedFit(curve) for curve in contradicted_curves(*curves)]
             break
@@ -405,8 +407,8 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
     return bases, fits
 
 
-def _misfit(bases: Sequence[Basis]) -> float:
-    return sum(each.fit.model.misfit for each in bases)
+def _misfit(fits: Sequence[EditedFit]) -> float:
+    return sum(fit.model.misfit for fit in fits)
 
 
 def _with_pairs(bases: Sequence[Basis]) -> list[EditedFit]:

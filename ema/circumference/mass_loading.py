@@ -100,14 +100,11 @@ def _bared(
     noise, shift = _noise_of_lines(rows), _shifts(drift, names, rows.frequency_hz)
     soft, stiff = slice(1 + 2 * TYRE_ORDERS), slice(1 + 2 * TYRE_ORDERS, None)
     inertance = _stiff_inertances(waves[stiff], rows.frequency_hz)
-    along_force = basis[:, stiff][:, ::2] @ inertance[::2]
     known = _between_members(across, drift, names, rows.frequency_hz)[: len(waves[soft]) // 2]
-    force = np.zeros((1, *waves[soft].shape))
-    force[:, 0], force[:, 1::2] = 1.0, 1.0
-    driven = between_orders(mixed, force, rows.frequency_hz)[0]
-    along_force = along_force + basis[:, soft] @ driven
+    driven = _driven_between(mixed, waves[soft].shape, rows.frequency_hz)
+    beside = basis[:, stiff][:, ::2] @ inertance[::2] + basis[:, soft] @ driven
     seen, own = waves[soft] - driven, dict.fromkeys(sensors_deg, waves)
-    left = rows.values - along_force - basis[:, soft] @ seen
+    left = rows.values - beside - basis[:, soft] @ seen
     for _ in range(_PASSES):
         # Errors of angles and gains leave more than the noise: taken for what the sensors do
         # differently from run to run, 0.5° were four times worse than no compensation at all.
@@ -115,37 +112,57 @@ def _bared(
         assumed = np.maximum(noise, scatter)
         pairs = orientations(rows.frequency_hz, seen, assumed)
         stretch = stretch_hz(rows.frequency_hz, seen[0], pairs[3], assumed)
-        pulls = {
-            name: pull_on_waves(
-                mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
-                seats[name],
-                _at_seats(rows, name, angles, seats[name] @ own[name]),
-                own[name],
-                rows.frequency_hz,
-                stretch,
-            )
-            for name, angles in sensors_deg.items()
-        }
-        pull = np.stack([_of_run(pulls, name) for name in names])
-        taken = inertance * pull[:, stiff]
-        push = np.array([row @ taken[k] for row, k in zip(basis[:, stiff], run, strict=True)])
+        pull = _pulls(rows, sensors_deg, mass_kg, seats, own, stretch)
         between = between_orders(mixed, pull[:, soft], rows.frequency_hz)
-        push += np.array([row @ between[k] for row, k in zip(basis[:, soft], run, strict=True)])
-        values = rows.values + push - along_force
+        taken = np.concatenate([between, inertance * pull[:, stiff]], axis=1)
+        values = rows.values + _at_rows(basis, taken, run) - beside
         taken_soft, with_sensors, seen, left = mass_push(
             *(rows.frequency_hz, values, assumed, basis[:, soft], pull[:, soft], run, shift),
             *(known, seen, pairs),
         )
-        taken_soft = taken_soft + between
         for name, moving in zip(names, with_sensors + driven - between, strict=True):
             own |= {part: np.concatenate([moving, waves[stiff]]) for part in name.split("+")}
-    taken = np.concatenate([taken_soft, taken], axis=1)
-    values = rows.values + np.array([row @ taken[k] for row, k in zip(basis, run, strict=True)])
-    bare = _apart(frf, fixed, values)
+    taken[:, soft] += taken_soft
+    bare = _apart(frf, fixed, rows.values + _at_rows(basis, taken, run))
     drive = np.tile(_drive_point(bare, excitation_deg), (len(names), 1, 1))
     at_force = moved(rows.frequency_hz, drive, -shift)[:, 0]
     at_force -= taken[:, :1].sum(axis=1) + taken[:, 1::2].sum(axis=1)  # only cosines move the force
     return bare, dict(zip(names, at_force, strict=True))
+
+
+def _pulls(
+    rows: FRF,
+    sensors_deg: dict[str, Real],
+    mass_kg: float | dict[str, Real],
+    seats: dict[str, Real],
+    own: dict[str, Complex],
+    stretch: float,
+) -> Complex:
+    """Pull of the sensors of each run on the waves, whose motion in it is `own`."""
+    pulls = {
+        name: pull_on_waves(
+            mass_kg[name] if isinstance(mass_kg, dict) else np.full(angles.size, mass_kg),
+            seats[name],
+            _at_seats(rows, name, angles, seats[name] @ own[name]),
+            own[name],
+            rows.frequency_hz,
+            stretch,
+        )
+        for name, angles in sensors_deg.items()
+    }
+    return np.stack([_of_run(pulls, name) for name in dict.fromkeys(rows.run)])
+
+
+def _driven_between(mixed: Mixed | None, shape: tuple[int, ...], frequency_hz: Real) -> Complex:
+    """Waves that the force moves by those of other orders; around it, it drives the cosines."""
+    force = np.zeros((1, *shape))
+    force[:, 0], force[:, 1::2] = 1.0, 1.0
+    return np.asarray(between_orders(mixed, force, frequency_hz)[0])
+
+
+def _at_rows(basis: Real, waves: Complex, run: NDArray[np.int_]) -> Complex:
+    """What waves of each run make at the rows."""
+    return np.array([row @ waves[k] for row, k in zip(basis, run, strict=True)])
 
 
 def _between_members(

@@ -278,20 +278,14 @@ def _mass(held: schema.StoredMass | None) -> SensorMass | None:
     seats = {run: np.array(angles) for run, angles in held.sensors_deg.items()}
     drift = NO_DRIFT if held.drift is None else Drift(**vars(held.drift))
     own = {run: np.array(masses) for run, masses in held.own_kg.items()}
-    across = {
-        order: (_complex(poles), _complex(residues))
-        for order, (poles, residues) in held.across.items()
-    }
+    across = {order: (_complex(one[0]), _complex(one[1])) for order, one in held.across.items()}
+    mixed = held.mixed and (_complex(held.mixed[0]), _complex(held.mixed[1]))
     of_tyre = held.excitation_deg, held.live_mass_kg, drift
-    mixed = None
-    if held.mixed is not None:
-        poles, waves = held.mixed
-        mixed = _complex(poles), np.array([_complex(each) for each in waves])
     return SensorMass(held.mass_kg, seats, *of_tyre, own, across, held.upper_hz, mixed)
 
 
-def _complex(pairs: Sequence[schema.Two]) -> NDArray[np.complex128]:
-    return np.array([complex(*each) for each in pairs])
+def _complex(pairs: Sequence[Any]) -> NDArray[np.complex128]:
+    return np.array(pairs, dtype=float).view(complex)[..., 0] if pairs else np.zeros(0, complex)
 
 
 def _read_measured(
