@@ -36,8 +36,8 @@ _MIXED_JOINTLY = 0.02
 _IMPURE = np.array([0.4, 1.0])
 # Standard deviation of the share that each member of an unresolved pair has.
 _SHARE_STD = 0.3
-# Error of a pole along the imaginary axis over that across it, at least; noise has 1. Rows with
-# less were off by up to 8 σ in benchmarks/laboratory.py.
+# Error of a pole beside the ring along the imaginary axis over that across it, at least; noise has
+# 1. A row with less was off by 8 σ in benchmarks/laboratory.py.
 _DIRECTED = 0.5
 # Imaginary over real part of such a share.
 _COMPLEX = 0.5
@@ -133,7 +133,9 @@ def as_seen(
             unsure = floor + _of_shares(pair) ** 2
             if ring.report.pair.chance < settings.pair_p_value:
                 unsure = unsure + _to_stronger(pair)
-        own = _in_either_direction(mode, pair.covariance[at, at] + np.diag(between**2 + unsure))
+        own = pair.covariance[at, at] + np.diag(between**2 + unsure)
+        if not ring.is_main:  # of the ring's own, damping is unknown by the split as well
+            own = _in_either_direction(mode, own)
         return [_with_std(mode, own)], own
     waves = ring.waves(position_deg)
     basis = order_basis(position_deg, ring.order)
