@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc, fdtri  # scipy.stats has the same, and takes 0.5 s to load
+import scipy
 
 from model.arguments import Array
 from model.identifiability import (
@@ -143,7 +143,7 @@ def _without_contradicting_masses(
     alone = plan_search(replace(search.problem, masses=None))
     found, _ = alone.run(_STARTS)
     rise = _cost(search, values) - _cost(alone, found)
-    if chdtrc(masses.orders.size, max(rise, 0.0)) > _LEAST_P:
+    if scipy.special.chdtrc(masses.orders.size, max(rise, 0.0)) > _LEAST_P:
         return search, values, starts, []
     found, starts = alone.run()  # as without masses from the beginning
     compared = alone.ring(found) if search.problem.belt_width_m else search.ring(values)
@@ -183,7 +183,7 @@ def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, 
         for order in likely:
             changed = _with_doubted_order(changed, order)
     other, found = restarted(changed, *doubted[best])
-    if chdtrc(spare, _chi2(other, found)) < _LEAST_P:
+    if scipy.special.chdtrc(spare, _chi2(other, found)) < _LEAST_P:
         return search, values, []
     if len(likely) > 1:
         names, error = " or ".join(map(str, likely)), f"{100 * WRONG_VALUE:g} %"
@@ -244,7 +244,7 @@ def _error_percent(search: Search, values: Array, order: int) -> str:
 
 def _misfit(search: Search, values: Array) -> list[Evidence]:
     spare, value = degrees_of_freedom(search), _chi2(search, values)
-    if spare <= 0 or chdtrc(spare, value) > _LEAST_P:
+    if spare <= 0 or scipy.special.chdtrc(spare, value) > _LEAST_P:
         return []
     worst = 100 * np.abs(search.problem.relative_deviations(search.ring(values)))
     worst = worst[search.problem.used].max()
@@ -266,7 +266,7 @@ def _shifted(
     spare = degrees_of_freedom(all_orders[0])
     if search.problem.objective == "paper" or spare <= 0:
         return []
-    limit = fdtri(spare, spare, 1 - _SHIFT_P)
+    limit = scipy.special.fdtri(spare, spare, 1 - _SHIFT_P)
     own_cost, own = _cost(*restarted(problem, search, values)), _squares(*all_orders)
     rivals = []
     for step in (-1, 1):

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from model.arguments import Array, ReadonlyArrays, measured_orders, whole_orders
 from model.coefficients import PressureLoad, characteristic_roots
@@ -218,7 +218,7 @@ def _scale(ring: RingParameters, orders: NDArray[np.int_]) -> Array:
 
 def _fit(model: Callable[[Array], Array], measured: Array, scale: Array) -> tuple[Array, Array]:
     """Least squares, parameters ≥ 0; they and d(model/measured)/d(parameter) there."""
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda shares: model(shares * scale) / measured - 1.0,
         np.zeros(scale.size),
         bounds=(0.0, np.inf),

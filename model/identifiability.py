@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import block_diag
 
 from model.arguments import Array, ReadonlyArrays, whole_orders
 from model.coefficients import PressureLoad
@@ -222,7 +222,7 @@ def posterior_spread(search: Search, values: Array, *, order_1_std: float = 0.0)
     slope = search.with_slope(values)[:, 1:]
     ring = search.ring(values)
     errors = problem.data_errors(ring)
-    errors = block_diag(errors, np.eye(len(search.priors)))
+    errors = scipy.linalg.block_diag(errors, np.eye(len(search.priors)))
     width = errors.shape[1] - len(search.priors) - 1
     names = tuple(name for name, held in zip(search.free, bound, strict=True) if not held)
     fit = LinearFit(names, values[~bound], slope[:, ~bound], np.ones(slope.shape[0]))

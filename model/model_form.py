@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr
+import scipy
 
 from model.arguments import Array, ReadonlyArrays
 from model.tuning_problem import WIDTH, Search, TuningProblem, plan_search
@@ -41,13 +40,18 @@ class ModelForm(ReadonlyArrays):
     def chance_beyond(self, limit: float, own: float, of_form: float) -> float:
         """Probability of an error beyond a limit, of variance `own` and, at the rms, `of_form`."""
         variance = own + of_form * (self.size / max(self.std, _TINY)) ** 2
-        return float(self.probability @ (2.0 * ndtr(-limit / np.sqrt(np.maximum(variance, _TINY)))))
+        beyond = 2.0 * scipy.special.ndtr(-limit / np.sqrt(np.maximum(variance, _TINY)))
+        return float(self.probability @ beyond)
 
     def half_of_95(self, own: float, of_form: float) -> float:
         """Half the width within which such an error is with a probability of 95 %."""
         share = (self.size[[0, -1]] / max(self.std, _TINY)) ** 2
         least, most = IN_95 * np.sqrt(own + of_form * share) * (0.99, 1.01)
-        return float(brentq(lambda at: self.chance_beyond(at, own, of_form) - 0.05, least, most))
+
+        def excess(limit: float) -> float:
+            return self.chance_beyond(limit, own, of_form) - 0.05
+
+        return float(scipy.optimize.brentq(excess, least, most))
 
 
 def model_form(search: Search, values: Array) -> ModelForm:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr
 from threadpoolctl import threadpool_limits
 
 from model.adequacy import judge_tuning
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 #: Probability of an error beyond half the value up to which a parameter is identified: that of a
 #: standard deviation of a fifth where the model form is known.
-_LARGEST_CHANCE = 2.0 * float(ndtr(-0.5 / LARGEST_RELATIVE_STD))
+_LARGEST_CHANCE = 2.0 * NormalDist().cdf(-0.5 / LARGEST_RELATIVE_STD)
 _NARROWED = 0.5  # posterior over prior standard deviation up to which the data determine a value
 
 

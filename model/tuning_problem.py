@@ -8,9 +8,8 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, cholesky, solve_triangular
-from scipy.optimize import least_squares, nnls
 
 from model.arguments import (
     Array,
@@ -197,7 +196,8 @@ class TuningProblem(ReadonlyArrays):
             single.append(self.torsion_of(ring) / self.torsion_hz[0] - 1.0)
         parts = [np.concatenate(single, axis=-1) / self.single_errors]
         if self.masses is not None:
-            whitened = solve_triangular(self._mass_root, self.mass_deviations(ring).T, lower=True)
+            deviations = self.mass_deviations(ring).T
+            whitened = scipy.linalg.solve_triangular(self._mass_root, deviations, lower=True)
             parts.append(whitened.T)
         return np.concatenate(parts, axis=-1)
 
@@ -222,7 +222,8 @@ class TuningProblem(ReadonlyArrays):
 
     @cached_property
     def _mass_root(self) -> Array:
-        return np.asarray(cholesky(self._mass_errors @ self._mass_errors.T, lower=True))
+        covariance = self._mass_errors @ self._mass_errors.T
+        return np.asarray(scipy.linalg.cholesky(covariance, lower=True))
 
     def data_errors(self, ring: RingParameters) -> Array:
         """Change of `deviations` by errors of the data, last the width's, (n_data, n_errors)."""
@@ -232,8 +233,8 @@ class TuningProblem(ReadonlyArrays):
         n_single = self.single_errors.size
         if self.masses is None:
             return np.eye(n_single, n_single + 1)
-        masses = solve_triangular(self._mass_root, self._mass_errors, lower=True)
-        return np.asarray(block_diag(np.eye(n_single), masses))
+        masses = scipy.linalg.solve_triangular(self._mass_root, self._mass_errors, lower=True)
+        return np.asarray(scipy.linalg.block_diag(np.eye(n_single), masses))
 
     def _squared_and_polynomial(self, ring: RingParameters) -> tuple[Any, tuple[Any, ...]]:
         terms = harmonics(ring, self.orders, pressure_load=self.pressure_load)
@@ -316,7 +317,7 @@ class Search(ReadonlyArrays):
         scale = np.append(1.0, self.scale) / self._size()
         # Slopes are asked for where the residuals were.
         at = lru_cache(1)(lambda x: self.with_slope(np.frombuffer(x) * self.scale) * scale)
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             lambda x: at(x.tobytes())[:, 0],
             self._inside(start) / self.scale,
             lambda x: at(x.tobytes())[:, 1:],
@@ -439,7 +440,7 @@ def _linear_solution(search: Search, mass: float | None) -> dict[str, float]:
     right = tension - sum(columns[name] * value for name, value in known.items() if name in columns)
     scale = np.array([TYPICAL[name] for name in wanted])
     matrix = np.column_stack([columns[name] for name in wanted]) * scale / inertia[:, None]
-    found = nnls(matrix, right / inertia)[0] * scale
+    found = scipy.optimize.nnls(matrix, right / inertia)[0] * scale
     solution = {**known, **dict(zip(wanted, map(float, found), strict=True))}
     growth_m = problem.growth_m
     if 0 in problem.orders:

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from scipy.ndimage import uniform_filter1d
+import scipy
 
 from ema.circumference.orders import circle_basis, highest_order, on_circle
 from ema.core.frf import FRF
@@ -354,7 +354,7 @@ def compared(
         shift, back = float(_SHIFTS[best]), (moved[best], back[1])
     first, second = there[0][lines], back[0][lines]
     noise = there[1][lines] ** 2 + back[1][lines] ** 2
-    smooth = uniform_filter1d((there[0] + back[0]) / 2, _SMOOTHED, mode="nearest")
+    smooth = scipy.ndimage.uniform_filter1d((there[0] + back[0]) / 2, _SMOOTHED, mode="nearest")
     slope = -(frequency_hz * np.gradient(smooth, frequency_hz))[lines]
     known = bool(np.all(np.isfinite(noise) & (noise > 0)))
     weight = 1 / np.sqrt(noise) if known else np.ones(noise.size)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from ema.circumference.orders import circle_basis, highest_order, pull_on_waves, stretch_hz
 from ema.circumference.sensor_pull import Mixed, between_orders, mass_push, moved, orientations
@@ -252,7 +252,7 @@ def _has_response(frf: FRF) -> NDArray[np.bool_]:
     power, noise = (np.mean(np.abs(each) ** 2, axis=0) for each in (frf.values, frf.std))
     known = noise > 0
     ratio = np.where(known, power / np.where(known, noise, 1.0), np.inf)
-    return np.asarray(median_filter(ratio, _LINES_OF_LEVEL) > _NOISE_ONLY)
+    return np.asarray(scipy.ndimage.median_filter(ratio, _LINES_OF_LEVEL) > _NOISE_ONLY)
 
 
 def _scaled(frf: FRF, factors: dict[str, Complex], others: Complex) -> FRF:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -122,7 +122,7 @@ def moved(frequency_hz: Real, values: Complex, shift: Real) -> Complex:
     if not np.any(shift):
         return values
     at_hz = np.clip(frequency_hz * (1 + shift), *frequency_hz[[0, -1]])
-    splines = [make_interp_spline(frequency_hz, own.T) for own in values]
+    splines = [scipy.interpolate.make_interp_spline(frequency_hz, own.T) for own in values]
     return np.asarray([spline(hz).T for spline, hz in zip(splines, at_hz, strict=True)])
 
 

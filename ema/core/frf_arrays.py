@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_closing, correlate1d
 
 from ema.core.errors import InputError
 from ema.core.numerics import constant
@@ -194,9 +194,9 @@ def coherent_lines(
     good : float
     """
     mean = np.full(_COHERENCE_LINES, 1 / _COHERENCE_LINES)
-    smooth = correlate1d(np.nan_to_num(coherence, nan=1.0), mean, mode="nearest")
+    smooth = scipy.ndimage.correlate1d(np.nan_to_num(coherence, nan=1.0), mean, mode="nearest")
     gap = 2 * int(_GAP / 2 * smooth.size) + 1
-    closed = binary_closing(np.pad(smooth >= good, gap), np.ones(gap))[gap:-gap]
+    closed = scipy.ndimage.binary_closing(np.pad(smooth >= good, gap), np.ones(gap))[gap:-gap]
     passed = levels > _FILTERED * np.median(levels)
     return np.asarray(
         closed & np.logical_or.accumulate(passed) & np.logical_or.accumulate(passed[::-1])[::-1]

@@ -12,8 +12,8 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ema.core.drift import Drift
 from ema.core.edits import OF_POLES, Edit, EditKind, PoleName, of_kind
@@ -40,8 +40,8 @@ from ema.fitting.fit_steps import (
 from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.order_pair import RingOrder, with_curvature
 from ema.fitting.own_lines import on_own_lines
+from ema.fitting.pair import PairFit
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
-from ema.fitting.ring_pair import PairFit
 from ema.fitting.run_states import with_states
 from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Complex, Real
@@ -226,7 +226,7 @@ def settled(curve: CurveFit) -> Settled:
             for r in ascending
             for member, mode in enumerate(seen[r][0])
         ),
-        covariance=block_diag(*(seen[r][1] for r in ascending)),
+        covariance=scipy.linalg.block_diag(*(seen[r][1] for r in ascending)),
         ring=curve.ring,
         drift=drift,
         values=curve.fit.lines.values,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from ema.fitting.pole_fit import Lines
 from ema.fitting.variable_projection import Complex, Real, in_parts
@@ -58,7 +58,7 @@ class Driven:
         first, tied = self.planes
         for pole in range(first.size):
             group = np.flatnonzero(tied == pole)
-            given = qr(participation[group], mode="r", pivoting=True)[1][: group.size]
+            given = scipy.linalg.qr(participation[group], mode="r", pivoting=True)[1][: group.size]
             free[np.ix_(group, given)] = False
             largest = np.argmax(np.abs(participation[group]), axis=1)
             participation[group] /= participation[group, largest][:, None]

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri, ndtri, stdtrit
 
 from ema.circumference.orders import PURE, family, on_circle, order_content
 from ema.core.mac import auto_mac, mpc
@@ -280,8 +280,8 @@ def std_over_positions(fit: PoleFit, correlation: float) -> Real:
     scatter = np.stack([np.sum((own.weight * each) ** 2, axis=0) for each in (along, damping)])
     noise = np.sum(own.weight**2 * own.variance, axis=0) / np.stack([np.ones_like(size), size**2])
     scatter *= (freedom + 1) / freedom
-    beyond = scatter > noise * chdtri(freedom, _CHANCE) / freedom
-    few = stdtrit(freedom, 1 - _CHANCE / 2) / ndtri(1 - _CHANCE / 2)
+    beyond = scatter > noise * scipy.special.chdtri(freedom, _CHANCE) / freedom
+    few = scipy.special.stdtrit(freedom, 1 - _CHANCE / 2) / scipy.special.ndtri(1 - _CHANCE / 2)
     std = few * np.sqrt(np.where(beyond, scatter - noise, 0.0)).T
     return np.asarray(std / (2 * np.pi, 1))
 

@@ -15,8 +15,8 @@ from ema.core.modes import Flag, Mode
 from ema.core.settings import IdentificationSettings
 from ema.fitting.evidence import std_over_positions
 from ema.fitting.order_pair import RingOrder
+from ema.fitting.pair import PairFit
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate, fit_bounded
-from ema.fitting.ring_pair import PairFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.signals.leakage import bias_as_before, has_leakage, leakage_bias, leakage_of
 

@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ema.core.display import counted
 from ema.core.errors import FitError
@@ -312,7 +312,7 @@ class JointModes:
                     fit=fit,
                     band_hz=self.band_hz,
                     rows=tuple(rows),
-                    covariance=block_diag(covariance, unknown),
+                    covariance=scipy.linalg.block_diag(covariance, unknown),
                     ring=(),
                     drift=final_drift(curve, curve.fit, alone),
                     values=_cut(curve.fit.lines, *fit.lines.frequency_hz[[0, -1]]).values,

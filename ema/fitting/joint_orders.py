@@ -12,8 +12,9 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, joint_report, pair_problem
-from ema.fitting.ring_pair import PairFit, PairProblem
+from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, pair_problem
+from ema.fitting.pair import PairFit, joint_report
+from ema.fitting.ring_pair import PairProblem
 from ema.fitting.run_states import drift_beside_pairs, in_states
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real

@@ -17,12 +17,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
-from scipy.optimize import leastsq
+import scipy
 
 from ema.core.numerics import end_if_stopped
 from ema.fitting.order_pair import with_change
-from ema.fitting.ring_pair import PairFit, PairProblem
+from ema.fitting.pair import PairFit
+from ema.fitting.ring_pair import PairProblem
 from ema.fitting.variable_projection import Complex, Real
 
 # Shared parameters, as in `PairProblem`; then direction, frequency and decay of each force's state.
@@ -136,7 +136,7 @@ class JointProblem:
             x[chosen] = values
             return x
 
-        found = leastsq(
+        found = scipy.optimize.leastsq(
             lambda values: self.residuals(whole(values)),
             start[chosen],
             (),
@@ -278,10 +278,11 @@ class JointProblem:
         columns = np.concatenate([*blocks, prior], axis=1)
         right = np.concatenate([*rights, np.zeros(n_columns - 1)])
         size = np.linalg.norm(columns, axis=1)
-        factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
-        orthonormal = zungqr(factors, scales)[0]
+        lapack = scipy.linalg.lapack  # faster than numpy's qr
+        factors, scales, _, _ = lapack.zgeqrf((columns / size[:, None]).T)
+        orthonormal = lapack.zungqr(factors, scales)[0]
         seen = orthonormal.conj().T @ right
-        found = ztrtrs(factors[:n_columns], seen)[0] / size
+        found = lapack.ztrtrs(factors[:n_columns], seen)[0] / size
         return _Linear(right - orthonormal @ seen, orthonormal, found, every)
 
     def _misfit(self, cost: float) -> float:

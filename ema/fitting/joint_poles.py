@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
-from scipy.special import chdtrc
 
 from ema.fitting.driven import Driven
 from ema.fitting.pole_fit import Lines
@@ -254,7 +253,7 @@ class JointPoint:
     def _sums(self) -> tuple[Real, Real]:
         """JᵀJ and Jᵀr of poles and participations of each force, as they are."""
         products, scale = self._products, self.problem.scale
-        inner = block_diag(
+        inner = scipy.linalg.block_diag(
             *(
                 self._as_driven(self._as_driven(each, r).T, r)
                 for r, (each, _) in enumerate(products)
@@ -389,4 +388,4 @@ class JointPoint:
     def chance(self, correlation: float) -> Real:
         """Probability that noise alone is worth as much as each mode."""
         size = self.worth() / (correlation * max(self.reduced, np.finfo(float).eps))
-        return np.asarray(chdtrc(2 * self.problem.scale.size, size))
+        return np.asarray(scipy.special.chdtrc(2 * self.problem.scale.size, size))

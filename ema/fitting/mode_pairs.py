@@ -13,16 +13,10 @@ from ema.core.frf import FRF
 from ema.core.modes import Mode, synthesise
 from ema.core.numerics import towards_fixed_point
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.order_pair import (
-    OrderDecomposition,
-    RingOrder,
-    Seen,
-    fit_pair,
-    order_report,
-    pair_problem,
-)
+from ema.fitting.order_pair import OrderDecomposition, RingOrder, Seen, fit_pair, pair_problem
+from ema.fitting.pair import PairFit, order_report
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit
+from ema.fitting.ring_pair import Known
 from ema.fitting.variable_projection import Complex, Real, numbers_of
 from ema.fitting.wave_mixing import WaveMixing
 from ema.signals.leakage import has_leakage, leakage_bias

@@ -7,35 +7,29 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ema.circumference.orders import PURE, circle_basis, highest_order, order_content
 from ema.core.frf import FRF
-from ema.core.modes import OrderReport, Pair, PairVerdict
-from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.pair_spread import variance_beyond_slopes
+from ema.core.modes import OrderReport, Pair
+from ema.core.settings import IdentificationSettings
+from ema.fitting.pair import PairFit, joint_report, one_row, order_report, reported
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
-from ema.fitting.ring_pair import Known, PairFit, PairProblem
+from ema.fitting.ring_pair import Known, PairProblem
 from ema.fitting.variable_projection import Complex, Real
 
 # Half-widths of the resonance on either side whose lines are fitted.
 _REACH = 6.0
 _FEWEST_LINES = 12
-_KNOWN_DAMPING = 0.05  # members known to no better than this share are not listed by themselves
-# A pair is not told from a drift that is known to no better than this share of its split …
-_DRIFTS = 0.1
-# … nor, with less than this share of the response, where it leaves more than this reduced χ².
-_PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 # FRFs of an order that change by less than this, in standard deviations of all lines together, move
 # none of its parameters by more: the pair is what it was.
 _UNTOUCHED = 0.05
 # Damping of members within a half-width of each other is not believed to differ by more than this
 # many times what is usual (`pair_damping_likeness`): an error of the FRFs looks like that too.
 _UNLIKE = 3.0
-# An order whose other member has less than this share of the response shows one member.
-_ONE_MEMBER = 0.02
 # Poles closer than this many half-widths of the broader one share a resonance.
 SHARED = 1.5
+# Steps that give slopes, of the sizes of the parameters.
+_SLOPE_STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,7 +328,7 @@ def contradicted(order: RingOrder, other: RingOrder, settings: IdentificationSet
         return order
     pair = with_change(order.pair, _matched(order.pair, other.pair, settings))
     if order.report.pair.verdict is not Pair.RESOLVED:
-        report = _reported(order.report.pair, pair)
+        report = reported(order.report.pair, pair)
     elif order.jointly:
         report = joint_report(order.order, pair, settings)
     else:
@@ -353,98 +347,32 @@ def with_curvature(order: RingOrder, settings: IdentificationSettings) -> RingOr
     by_slopes = order_report(order.order, order.pair, settings).pair.verdict
     judged = order.report.pair.verdict is by_slopes is Pair.RESOLVED  # else a person wants both
     anew = order_report(order.order, pair, settings) if judged else None
-    return replace(order, pair=pair, report=anew or _reported(order.report.pair, pair))
+    return replace(order, pair=pair, report=anew or reported(order.report.pair, pair))
 
 
-def order_report(
-    order: int,
-    pair: PairFit | None,
-    settings: IdentificationSettings = IDENTIFICATION,
-    drift_hz: float = 0.0,
-) -> OrderReport:
-    """Verdict on a pair, with its evidence; `drift_hz` is how well the runs' states are known."""
-    nothing = float("nan")
-    if pair is None:
-        few = PairVerdict(order, Pair.NOT_SEPARABLE, nothing, "too few lines around the resonance")
-        return OrderReport(few)
-    chance = float(chdtrc(4, max(pair.gain, 0.0)))
-    doubt = _doubt(pair, settings, drift_hz)
-    weaker = min(pair.share)
-    if chance < settings.pair_p_value and not doubt:
-        verdict, text = Pair.RESOLVED, f"two poles fit better than one (p = {chance:.2g})"
-    elif weaker < _ONE_MEMBER:
-        verdict = Pair.ONE_SEEN
-        text = f"the force drives one member; the other has {100 * weaker:.1f} % of the response"
-    elif chance < settings.pair_p_value:
-        verdict, text = Pair.NOT_SEPARABLE, doubt
-    else:
-        verdict = Pair.NOT_SEPARABLE
-        text = f"one pole explains the order; a second one is not significant (p = {chance:.2g})"
-    return _reported(PairVerdict(order, verdict, chance, text), pair)
+def variance_beyond_slopes(problem: PairProblem, x: Real) -> Real:
+    """Variance of the six numbers and of the split that points show more than slopes, (7,).
 
-
-def one_row(pair: PairFit, settings: IdentificationSettings = IDENTIFICATION) -> int | None:
-    """The member that one row of an order stands for, 0 or 1; None where that is the mean.
-
-    Where the other member is seen, but too weak to be listed, the mean would be beside both.
+    The split of a pair is √(δ_c² + δ_s²): it has no slope along the force where noise happens to
+    put δ_c near 0, however large δ_c may be. Points at √3 σ of the parameters, which have the
+    moments of a normal distribution, tell (Julier & Uhlmann 2004).
+    A member that is hardly driven may lie on either side of the other one: there the members are
+    told by which one is driven.
     """
-    is_pair = float(chdtrc(4, max(pair.gain, 0.0))) < settings.pair_p_value
-    return pair.stronger if is_pair and min(pair.share) < settings.pair_weakest_share else None
+    variances, axes = np.linalg.eigh(problem.spread(x) / np.outer(problem.sizes, problem.sizes))
+    steps = np.sqrt(np.maximum(variances, 0.0))[:, None] * (axes.T * problem.sizes)
+    far, near = (_away(problem, x, reach * steps) / reach for reach in (np.sqrt(3), _SLOPE_STEP))
+    # Two points of 2n, each with the weight 1/6 at √3 σ, and half of the two that give a slope.
+    return np.asarray(np.maximum(np.sum(far**2, axis=0) / 2 - np.sum(near**2, axis=0) / 2, 0.0))
 
 
-def joint_report(
-    order: int, pair: PairFit, settings: IdentificationSettings = IDENTIFICATION
-) -> OrderReport:
-    """Verdict on a pair that several forces drive: whether they determine both members."""
-    std, chance = np.sqrt(np.diag(pair.covariance)), float(chdtrc(4, max(pair.gain, 0.0)))
-    worst, factor = float(np.max(std[[1, 3]] / pair.numbers[[1, 3]])), _damping_factor(pair)
-    verdict, text = Pair.RESOLVED, "the forces together drive both members"
-    if not worst < _KNOWN_DAMPING:
-        verdict = Pair.NOT_SEPARABLE
-        text = f"the damping of one member is known to {100 * worst:.0f} % only"
-    elif factor > settings.pair_damping_factor:
-        verdict = Pair.NOT_SEPARABLE
-        text = f"the damping ratios would differ by a factor of {factor:.1f}"
-    return _reported(PairVerdict(order, verdict, chance, text), pair)
-
-
-def _reported(verdict: PairVerdict, pair: PairFit) -> OrderReport:
-    """A verdict with the mean of the pair."""
-    std = np.sqrt(np.diag(pair.covariance))
-    return OrderReport(
-        verdict,
-        frequency_hz=float(pair.numbers[4]),
-        frequency_std_hz=float(std[4]),
-        damping_ratio=float(pair.numbers[5]),
-        damping_std=float(std[5]),
-    )
-
-
-def _doubt(pair: PairFit, settings: IdentificationSettings, drift_hz: float) -> str:
-    """Why the members are not determined; empty where they are."""
-    if min(pair.share) < settings.pair_weakest_share:
-        return f"the weaker member has {100 * min(pair.share):.1f} % of the response"
-    if pair.split_std < min(settings.pair_separation_std, 1.0):
-        return "the two frequencies are equal within their ±"
-    if pair.split_std < settings.pair_separation_std:
-        return f"the two frequencies differ by only {pair.split_std:.1f} standard deviations"
-    split_hz = (abs(pair.poles[1]) - abs(pair.poles[0])) / (2 * np.pi)
-    if drift_hz > _DRIFTS * split_hz:
-        states = f"the states of the runs are known to {drift_hz:.2g} Hz"
-        return f"{states}, the members differ by {split_hz:.2g} Hz"
-    if pair.misfit > _MOST_LEFT and min(pair.share) < _PLAIN_SHARE:
-        return f"both members leave {pair.misfit:.0f} times the noise"
-    damping = [-pole.real / abs(pole) for pole in pair.poles]
-    if (factor := _damping_factor(pair)) > settings.pair_damping_factor:
-        return f"the damping ratios would differ by a factor of {factor:.1f}"
-    std = np.sqrt(np.diag(pair.covariance))[[1, 3]]
-    worst = float(np.max(std / damping))
-    if worst > _KNOWN_DAMPING:
-        return f"the damping of one member is known to {100 * worst:.0f} % only"
-    return ""
-
-
-def _damping_factor(pair: PairFit) -> float:
-    """How many times more damped one member is than the other."""
-    damping = [-pole.real / abs(pole) for pole in pair.poles]
-    return float(max(damping) / min(damping))
+def _away(problem: PairProblem, x: Real, steps: Real) -> Real:
+    """Change of the numbers and the split on either side of a minimum, (2 n_parameters, 7)."""
+    numbers = problem.numbers(x + np.concatenate([0 * steps[:1], steps, -steps]))
+    a, b, mean = (numbers[:, ::2] * (1 + 1j * numbers[:, 1::2])).T
+    to_a, to_b = np.abs(mean - a), np.abs(mean - b)  # the mean is near the member driven most
+    if min(to_a[0], to_b[0]) < problem.settings.pair_weakest_share * abs(b[0] - a[0]):
+        other = (to_a < to_b) != (to_a[0] < to_b[0])
+        numbers[other, :4] = numbers[np.ix_(other, [2, 3, 0, 1])]
+    whole = np.column_stack([numbers, numbers[:, 2] - numbers[:, 0]])
+    return np.asarray(whole[1:] - whole[0])

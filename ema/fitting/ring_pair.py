@@ -14,24 +14,16 @@ two waves a little, H → (1 + E) H: E has to pay for itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg.lapack import zgeqrf, ztrtrs, zungqr
-from scipy.optimize import OptimizeResult, least_squares, leastsq
+import scipy
 
 from ema.core.numerics import end_if_stopped
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.variable_projection import (
-    Complex,
-    Real,
-    above_ground,
-    alone,
-    near_pole,
-    numbers_of,
-)
+from ema.fitting.pair import PairFit
+from ema.fitting.variable_projection import Complex, Real, above_ground, alone, near_pole
 
 # Parameters: mean frequency and damping (log); half the split of the frequencies, relative, along
 # the force and across; the same of the damping; direction of the force.
@@ -44,60 +36,6 @@ _LARGE = tuple(product((0.0, -0.1, -0.3), (-1.0, -0.4, 0.0, 0.4, 1.0), (-0.8, -0
 _MOST_LOOKS, _FIRST_LOOK, _LAST_LOOK = 3, 15, 40  # starts, evaluations from each
 _ENOUGH, _FLAT = 1e-6, 1e-8  # relative gain not worth another step, and slope
 _N_LINEAR = 5  # amplitude and E, complex; the background of the two rows is not in the basis
-
-
-@dataclass(frozen=True, eq=False)
-class PairFit:
-    """What the FRFs of one order say about its pair.
-
-    Parameters
-    ----------
-    poles : tuple of complex
-        Members a and b, a the lower one, in rad/s.
-    share : tuple of float
-        Share of the response's power that each member has; they add up to 1.
-    numbers, covariance : ndarray, shape (6,), (6, 6)
-        (frequency_hz, damping_ratio) of member a, of member b, and of the mean.
-    split_std : float
-        Difference of the frequencies over its standard deviation.
-    gain : float
-        Difference in −2 log likelihood to one pole for the whole order.
-    misfit : float
-        Reduced χ² against the noise of the FRFs.
-    residues : ndarray of complex, shape (2, 2)
-        Of members a and b (rows) in cosine and sine.
-    mean : complex
-        Mean pole as the force drives the members, rad/s.
-    parameters : ndarray, shape (7,)
-        Of `PairProblem`.
-    curved : ndarray, shape (7,)
-        Variance of the numbers and of the split beyond what slopes say, `pair_spread`.
-    turned_std_rad : float
-        Standard deviation of the members' direction, as angle of the wave; NaN where unknown.
-    """
-
-    poles: tuple[complex, complex]
-    share: tuple[float, float]
-    numbers: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    split_std: float
-    gain: float
-    misfit: float
-    residues: NDArray[np.complex128]
-    mean: complex
-    parameters: NDArray[np.float64]
-    curved: NDArray[np.float64] = field(default_factory=lambda: np.zeros(7))
-    turned_std_rad: float = float("nan")
-
-    @property
-    def stronger(self) -> int:
-        """The member with the larger share, 0 or 1."""
-        return int(np.argmax(self.share))
-
-    def moved(self, shift: float, decay: float) -> PairFit:
-        """The pair in a state whose frequencies and decay rates are smaller by these factors."""
-        a, b, mean = (p.real / decay + 1j * p.imag / shift for p in (*self.poles, self.mean))
-        return replace(self, poles=(a, b), mean=mean, numbers=numbers_of(np.array([a, b, mean])))
 
 
 @dataclass(frozen=True)
@@ -262,10 +200,11 @@ class PairProblem:
         right = np.zeros(columns.shape[1], dtype=complex)
         right[: waves.size] = (self.inside * self.weight[:, None]).ravel()
         size = np.linalg.norm(columns, axis=1)
-        factors, scales, _, _ = zgeqrf((columns / size[:, None]).T)  # faster than numpy's qr
-        orthonormal = zungqr(factors, scales)[0]
+        lapack = scipy.linalg.lapack  # faster than numpy's qr
+        factors, scales, _, _ = lapack.zgeqrf((columns / size[:, None]).T)
+        orthonormal = lapack.zungqr(factors, scales)[0]
         seen = orthonormal.conj().T @ right
-        found = ztrtrs(factors[:_N_LINEAR], seen)[0] / size
+        found = lapack.ztrtrs(factors[:_N_LINEAR], seen)[0] / size
         left = right - orthonormal @ seen
         return _Linear(left, orthonormal, complex(found[0]), found[1:].reshape(2, 2))
 
@@ -327,12 +266,12 @@ class PairProblem:
         given = before.covariance, before.misfit, before.gain
         return self.pair_of(self.minimum(before.parameters).x, *given)
 
-    def _misfit(self, found: OptimizeResult) -> float:
+    def _misfit(self, found: scipy.optimize.OptimizeResult) -> float:
         """Reduced χ², in terms of the scale."""
         outside = float(np.sum(self.outside / self.std**2)) / self.scale
         return max(float(2 * found.cost + outside) / max(self.n_independent - 20, 1), 1e-12)
 
-    def _explains(self, one: OptimizeResult) -> bool:
+    def _explains(self, one: scipy.optimize.OptimizeResult) -> bool:
         """Whether one pole leaves no more than the noise, given or seen outside the basis."""
         n_inside = 2 * self.inside.size * self.n_independent / (4 * self.omega.size)
         free = max(n_inside - _N_LINEAR, 1.0)
@@ -340,7 +279,9 @@ class PairProblem:
         noise = max(outside / max(self.n_independent - n_inside, 1.0), float(self.noise_known))
         return bool(2 * one.cost < noise * (free + 2 * np.sqrt(2 * free)))
 
-    def _best(self, one: Real, near: OptimizeResult) -> OptimizeResult:
+    def _best(
+        self, one: Real, near: scipy.optimize.OptimizeResult
+    ) -> scipy.optimize.OptimizeResult:
         """Best of the search from a small split and that from the likeliest larger one."""
         starts = np.tile(one, (len(_LARGE), 1))
         starts[:, [_DAMPING, _ALONG, _ACROSS]] += np.array(_LARGE) * [1, self.ratio, self.ratio]
@@ -356,7 +297,7 @@ class PairProblem:
         *,
         free: tuple[int, ...] = tuple(range(_N_PARAMETERS)),
         most: int = _LAST_LOOK,
-    ) -> OptimizeResult:
+    ) -> scipy.optimize.OptimizeResult:
         """Search for the minimum from `start`, inside what a pair can be."""
         end_if_stopped()
         reach = np.array([2 * self.ratio, 1.5, 3 * self.ratio, 3 * self.ratio, 0.5, 0.5, 0.8])
@@ -377,17 +318,19 @@ class PairProblem:
         inside = np.clip(start[chosen], -limit * (1 - 1e-9), limit * (1 - 1e-9))
         enough = {"ftol": _ENOUGH, "xtol": _ENOUGH, "gtol": _FLAT}
         # The same MINPACK as least_squares, which evaluates start and end once more.
-        found = leastsq(residuals, inside, (), slopes, True, diag=1 / scale, maxfev=most, **enough)[
-            0
-        ]
+        found = scipy.optimize.leastsq(
+            residuals, inside, (), slopes, True, diag=1 / scale, maxfev=most, **enough
+        )[0]
         if np.any(np.abs(found) > limit):
             bounds = -limit, limit
-            found = least_squares(
+            found = scipy.optimize.least_squares(
                 residuals, inside, slopes, bounds, x_scale=scale, max_nfev=most, **enough
             ).x
-        return OptimizeResult(x=whole(found), cost=0.5 * float(np.sum(residuals(found) ** 2)))
+        return scipy.optimize.OptimizeResult(
+            x=whole(found), cost=0.5 * float(np.sum(residuals(found) ** 2))
+        )
 
-    def covariance(self, found: OptimizeResult) -> Real:
+    def covariance(self, found: scipy.optimize.OptimizeResult) -> Real:
         """Covariance of the numbers at a minimum, (6, 6)."""
         step = 1e-7 * np.eye(_N_PARAMETERS)
         slope = (self.numbers(found.x + step) - self.numbers(found.x - step)).T / 2e-7

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc, fdtrc
 
 from ema.core.drift import NO_DRIFT, Drift
 from ema.core.frf import FRF
@@ -57,7 +57,7 @@ def drift_in_one_step(fit: PoleFit, frf: FRF, correlation: float, p_value: float
     covariance = parameter_covariance(apart, correlation)[own, own]
     step = -np.linalg.lstsq(apart.normal_matrix(), apart.gradient(), rcond=1e-12)[0][own]
     size = float(step @ np.linalg.pinv(covariance, rcond=1e-10) @ step)
-    chance = float(chdtrc(step.size, size))
+    chance = float(scipy.special.chdtrc(step.size, size))
     return with_states(_tested(frf, fit, chance, p_value), step, covariance)
 
 
@@ -174,8 +174,10 @@ class _Shifts:
             _least_squares(self._design(moving), self.away, spread)[2] for moving in (0, n_runs - 1)
         )
         if not left:
-            return float(chdtrc(tested, common - apart))
-        return float(fdtrc(tested, left, (common - apart) / tested / max(apart / left, 1.0)))
+            return float(scipy.special.chdtrc(tested, common - apart))
+        return float(
+            scipy.special.fdtrc(tested, left, (common - apart) / tested / max(apart / left, 1.0))
+        )
 
     def states(self, spread: Real) -> tuple[Real, Real]:
         """State of each run beside their mean, (n_runs, 4), and the covariance of all numbers.

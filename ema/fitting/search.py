@@ -7,8 +7,8 @@ from copy import copy
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from ema.circumference.orders import family, label_modes, of_order, on_circle
 from ema.core.drift import NO_DRIFT, Drift, of_runs
@@ -177,7 +177,7 @@ class CurveFit:
         Of two that share a resonance, neither may be determined: only the lesser one goes.
         """
         size = residue_size(self.fit, self.correlation)
-        p_value = chdtrc(2 * self.fit.lines.scale.size, size)
+        p_value = scipy.special.chdtrc(2 * self.fit.lines.scale.size, size)
         noise = ~(p_value < self.settings.residue_p_value)
         reach = 1.0 if self.circle else _AROUND
         self._drop(noise, size, "its residues are no larger than their uncertainty", reach)

@@ -14,9 +14,8 @@ from functools import cached_property, lru_cache
 from typing import Protocol, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dtrtri
-from scipy.optimize import least_squares
 
 from ema.core.numerics import end_if_stopped, readonly
 
@@ -173,13 +172,13 @@ def in_parts(functions: Complex, rows: Real) -> None:
 
 def orthogonalising(columns: Callable[[], Real], products: Real, size: Real) -> Real:
     """R⁻¹ of columns, given their products; where two poles coincide, the least-norm one."""
-    triangle, failed = dpotrf(products / np.outer(size, size))
+    triangle, failed = scipy.linalg.lapack.dpotrf(products / np.outer(size, size))
     diagonal = np.diag(triangle)
     if failed or diagonal.min() < _TOO_ALIKE:  # products have lost the difference
         triangle = np.linalg.qr(columns() / size, mode="r")
         diagonal = np.abs(np.diag(triangle))
     if diagonal.min() > 1e-9 * diagonal.max():
-        return np.asarray(dtrtri(triangle)[0] / size[:, None])
+        return np.asarray(scipy.linalg.lapack.dtrtri(triangle)[0] / size[:, None])
     return np.asarray(np.linalg.pinv(triangle, rcond=1e-9) / size[:, None])
 
 
@@ -248,7 +247,7 @@ def descend(
             last[:] = [(x.copy(), point, _shortest(point))]
         return last[0]
 
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda x: seen(x)[2][0],
         np.clip(start, lower, upper),
         lambda x: seen(x)[2][1],

@@ -11,9 +11,8 @@ Where responses or FRFs have a first axis, it is that of the forces.
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import median_filter
 
 from ema.core.drift import lever_at
 from ema.core.errors import FitError, require_type
@@ -247,7 +246,7 @@ def line_weight(std: NDArray[np.float64]) -> NDArray[np.float64] | None:
     level = np.median(std, axis=0)
     if not np.all(level > 0):
         return None
-    smooth = median_filter(level, SMOOTHING_LINES, mode="nearest")
+    smooth = scipy.ndimage.median_filter(level, SMOOTHING_LINES, mode="nearest")
     return np.asarray(smooth.min() / smooth)
 
 
@@ -359,4 +358,4 @@ def stretched(
     A factor may be given for each line.
     """
     within = np.clip(frequency_hz * factor, frequency_hz[0], frequency_hz[-1])
-    return np.asarray(CubicSpline(frequency_hz, values, axis=1)(within))
+    return np.asarray(scipy.interpolate.CubicSpline(frequency_hz, values, axis=1)(within))

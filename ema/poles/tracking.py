@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
-from scipy.spatial.distance import squareform
 
 from ema.core.errors import InputError
 from ema.core.mac import mac
@@ -336,8 +335,9 @@ def _linked(
     if poles.size < 2:
         return np.zeros(poles.size, dtype=int)
     distance = np.maximum(_distance(poles, shapes), 0)  # whatever the rounding
-    condensed = squareform((distance + distance.T) / 2, checks=False)
-    return np.asarray(fcluster(linkage(condensed, "average"), cut, "distance"))
+    condensed = scipy.spatial.distance.squareform((distance + distance.T) / 2, checks=False)
+    hierarchy = scipy.cluster.hierarchy
+    return np.asarray(hierarchy.fcluster(hierarchy.linkage(condensed, "average"), cut, "distance"))
 
 
 def _large(sizes: NDArray[np.int_]) -> NDArray[np.bool_]:

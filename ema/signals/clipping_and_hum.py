@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 # Two equal samples on top of each other happen; three and more are a limit that was reached.
 _SHORTEST_TOP = 3
@@ -189,7 +189,7 @@ class HumMeter:
     def _tones(self, power: NDArray[np.float64]) -> NDArray[np.int_]:
         """Lines of the spectrum that are narrow, steady and stand out."""
         width = 2 * max(6, round(_NEIGHBOURS_HZ * self._length / self._rate_hz)) + 1
-        above = power[1:-1] > _STANDS_OUT * median_filter(power, size=width)[1:-1]
+        above = power[1:-1] > _STANDS_OUT * scipy.ndimage.median_filter(power, size=width)[1:-1]
         top = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
         variance = self._squares[1:-1] / self._count - power[1:-1] ** 2
         steady = variance < (_STEADY_VARIATION * power[1:-1]) ** 2

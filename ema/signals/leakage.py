@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.fft import fft, irfft, rfft
-from scipy.ndimage import correlate1d, median_filter, uniform_filter1d
 
 from ema.core.frf import FRF, ForceRecord
 from ema.core.numerics import kept_with, readonly
@@ -132,13 +131,15 @@ def without_left_out_lines(frf: FRF) -> FRF:
 def _median_level(frf: FRF, start: int | None, stop: int | None) -> NDArray[np.float64]:
     """Median noise power around each line; both pole estimators and the fit ask for it."""
     power = frf.std[:, start:stop] ** 2  # row by row takes a seventh of the time of all at once
-    return readonly([median_filter(row, SMOOTHING_LINES, mode="nearest") for row in power])
+    return readonly(
+        [scipy.ndimage.median_filter(row, SMOOTHING_LINES, mode="nearest") for row in power]
+    )
 
 
 def _smoothed(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over neighbouring lines; a running sum would lose the digits of small values."""
     mean = np.full(SMOOTHING_LINES, 1 / SMOOTHING_LINES)
-    return np.asarray(correlate1d(power, mean, mode="nearest"))
+    return np.asarray(scipy.ndimage.correlate1d(power, mean, mode="nearest"))
 
 
 def line_coherence(frf: FRF) -> NDArray[np.float64]:
@@ -156,7 +157,9 @@ def line_coherence(frf: FRF) -> NDArray[np.float64]:
         force = _force_power(record)
         cross = frf.values[rows] * force
         power = np.abs(frf.values[rows]) ** 2 * force / np.maximum(frf.coherence[rows], least)
-        cross, power, force = (uniform_filter1d(each, width) for each in (cross, power, force))
+        cross, power, force = (
+            scipy.ndimage.uniform_filter1d(each, width) for each in (cross, power, force)
+        )
         found[rows] = np.abs(cross) ** 2 / np.maximum(force * power, least)
     return found
 
@@ -307,7 +310,7 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     """The window's terms, and the force on some lines; no pole matters."""
     plan, lines = record.plan, np.array(chosen)
     n = plan.block_samples
-    terms = fft(plan.taper) / n
+    terms = scipy.fft.fft(plan.taper) / n
     largest = np.argsort(-np.abs(terms), kind="stable")[:_MOST_TERMS]
     largest = largest[np.abs(terms[largest]) > _LEAST_TERM * np.abs(terms[largest[0]])]
     offset, share = np.where(largest > n // 2, largest - n, largest), terms[largest]
@@ -320,7 +323,7 @@ def _seen_force(record: ForceRecord, chosen: tuple[int, ...]) -> _SeenForce:
     at_once = max(_AT_ONCE // max(place.size, n), 1)
     for number in range(0, plan.n_blocks, at_once):
         here = slice(number, number + at_once)
-        found = rfft(windows[starts[here]])[:, place]
+        found = scipy.fft.rfft(windows[starts[here]])[:, place]
         np.conj(found, out=found, where=mirrored)
         weight[here] = (share @ found).conj()
         found *= weight[here, None]
@@ -372,9 +375,9 @@ def _of_noise(
 ) -> NDArray[np.complex128]:
     """Δφ on some lines, (n_modes, n_lines)."""
     n, step_s = plan.block_samples, 1 / plan.sampling_rate_hz
-    correlation = irfft(np.abs(rfft(plan.taper, 2 * n)) ** 2)[:n] / n
+    correlation = scipy.fft.irfft(np.abs(scipy.fft.rfft(plan.taper, 2 * n)) ** 2)[:n] / n
     decay = np.vander(np.exp(poles * step_s), n, increasing=True)
-    inside = fft((correlation - 1) * decay)[:, lines]
+    inside = scipy.fft.fft((correlation - 1) * decay)[:, lines]
     # Beyond one block r is zero: there the whole response is missing. e^{−jωT} = 1 on the lines.
     turn = np.exp(-2j * np.pi * lines / n)
     beyond = np.exp(poles * n * step_s)[:, None] / (1 - np.exp(poles * step_s)[:, None] * turn)

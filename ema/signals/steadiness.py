@@ -11,10 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import ifft, rfft
-from scipy.ndimage import uniform_filter1d
-from scipy.special import stdtr
 
 from ema.core.campaign import Response, Run
 from ema.core.frf import FRF
@@ -60,7 +58,9 @@ class Estimate:
     @property
     def p_value(self) -> float:
         """Probability of a change as large by chance."""
-        return float(2 * stdtr(self.freedom, -abs(self.value) / max(self.std, 1e-300)))
+        return float(
+            2 * scipy.special.stdtr(self.freedom, -abs(self.value) / max(self.std, 1e-300))
+        )
 
     def is_clear(self, settings: CheckSettings) -> bool:
         """Whether the change is more than chance."""
@@ -173,7 +173,7 @@ class _Pieces:
     ) -> None:
         self.shape, self.force, self.duration_s = (n_pieces, step), force, duration_s
         self._steady_lines = max(int(_STEADY_HZ * duration_s), _STEADY_LINES)
-        power = uniform_filter1d(_squared(force), self._steady_lines, mode="nearest")
+        power = scipy.ndimage.uniform_filter1d(_squared(force), self._steady_lines, mode="nearest")
         self._force_power = np.maximum(power, 1e-300)
         self._sensors: list[_Sensor] = []
         self._power = np.zeros(n_pieces)
@@ -190,7 +190,7 @@ class _Pieces:
         if not np.isfinite(there) or not left.sum() < _UNEXPLAINED * there:
             return
         smoothing = max(int(_SMOOTHING_HZ * self.duration_s), 1)
-        noise = np.sqrt(uniform_filter1d(left, smoothing, mode="nearest"))
+        noise = np.sqrt(scipy.ndimage.uniform_filter1d(left, smoothing, mode="nearest"))
         noise = np.maximum(noise, 1e-12 * np.sqrt(_squared(seen).max()))
         self._sensors.append(_Sensor(row, gain, noise, self._over_time(rest / noise)))
         self._power += np.sum(_squared(self._over_time(seen)), axis=1) / there
@@ -198,11 +198,13 @@ class _Pieces:
     def _unsteady(self, rest: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Of what the modes do not explain, what no smooth transfer function explains either."""
         crossed = rest * self.force.conj()
-        crossed = uniform_filter1d(crossed, self._steady_lines, mode="nearest")
+        crossed = scipy.ndimage.uniform_filter1d(crossed, self._steady_lines, mode="nearest")
         return np.asarray(rest - self.force * crossed / self._force_power)
 
     def _over_time(self, spectrum: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        return np.asarray(ifft(spectrum)[: self.shape[0] * self.shape[1]].reshape(self.shape))
+        return np.asarray(
+            scipy.fft.ifft(spectrum)[: self.shape[0] * self.shape[1]].reshape(self.shape)
+        )
 
     def changes(self, slope: NDArray[np.complex128]) -> tuple[Estimate, Estimate] | None:
         """Change over time and level of what has these derivatives, (n_sensors, n_lines).
@@ -236,7 +238,7 @@ def _squared(values: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 def _sweeps(force: NDArray[np.complex128], n_pieces: int, step: int) -> bool:
     """Whether the frequency that is excited moves over the band in time."""
-    signal = ifft(force, 2 * force.size)
+    signal = scipy.fft.ifft(force, 2 * force.size)
     turn = (signal[1:] * signal[:-1].conj())[: 2 * n_pieces * step - 1]
     turn = np.append(turn, 0).reshape(n_pieces, -1)
     power = np.abs(turn).sum(axis=1)
@@ -262,7 +264,7 @@ def _sensors(run: Run, frf: FRF, most: int) -> list[tuple[Response, int]]:
 
 def _spectrum(channel: Channel, n_samples: int) -> NDArray[np.complex128]:
     samples = channel.block(0, n_samples)
-    return np.asarray(rfft(samples - samples.mean()))
+    return np.asarray(scipy.fft.rfft(samples - samples.mean()))
 
 
 def _as_acceleration(

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import orth
 
 from ema.core.display import DASH, number, signed, value_with_std
 from ema.core.errors import InputError, unknown
@@ -162,7 +162,7 @@ def explained_share(shape: NDArray[np.complex128], basis: NDArray[np.complex128]
     n_places): 1 − ‖φ − Pφ‖²/‖φ‖².
     """
     power = float(np.vdot(shape, shape).real)
-    inside = orth(basis.T, _RANK).conj().T @ shape
+    inside = scipy.linalg.orth(basis.T, _RANK).conj().T @ shape
     return float(np.vdot(inside, inside).real) / power if power > 0 else 0.0
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtrc
 
 from model.identifiability import GIVEN, IDENTIFIED
 from model.tuning_problem import PARAMETERS
@@ -190,7 +190,7 @@ class Scatter:
         """Probability of a χ² at least as large from noise alone; NaN without freedom."""
         if not self.freedom:
             return float("nan")
-        return float(chdtrc(self.freedom, self.chi_square))
+        return float(scipy.special.chdtrc(self.freedom, self.chi_square))
 
     @property
     def is_noise(self) -> bool:

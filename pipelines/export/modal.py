@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.io import savemat
 
 from ema.core.display import jsonable
 from ema.core.errors import InputError, escaped, unknown
@@ -223,7 +223,7 @@ def write_json(found: ModalExport, path: Path) -> None:
 def write_mat(found: ModalExport, path: Path) -> None:
     """Write a MATLAB file (version 5) with the names of JSON; groups are structs, texts cells."""
     with path.open("wb") as file:  # savemat adds an ending to names
-        savemat(file, _matlab(content(found)), do_compression=True)
+        scipy.io.savemat(file, _matlab(content(found)), do_compression=True)
 
 
 def content(found: ModalExport) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import isotonic_regression
 
 from ema.checks.corrections import Correction
 from ema.core.display import signed
@@ -182,7 +182,7 @@ def spread(positions: ArrayLike, gap: float) -> NDArray[np.float64]:
     wanted = np.asarray(positions, dtype=float) - gap * np.arange(np.size(positions))
     if not wanted.size:
         return np.zeros(0)
-    return np.asarray(isotonic_regression(wanted).x + gap * np.arange(wanted.size))
+    return np.asarray(scipy.optimize.isotonic_regression(wanted).x + gap * np.arange(wanted.size))
 
 
 def sparse_labels(labels: Sequence[str], at_most: int = 13) -> tuple[list[int], list[str]]:

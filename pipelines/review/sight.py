@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy
 
 from ema.checks.corrections import Correction, kept_rows
 from ema.core.display import band_text, jsonable
@@ -271,7 +271,8 @@ def _twins(now: tuple[Mode, ...], before: tuple[Mode, ...]) -> dict[int, int]:
         return {}
     one, other = (np.array([mode.pole for mode in modes]) for modes in (now, before))
     apart = np.abs(one[:, None] - other) / np.abs(other)
-    pairs = zip(*linear_sum_assignment(np.minimum(apart, 2 * _SAME_MODE)), strict=True)
+    matched = scipy.optimize.linear_sum_assignment(np.minimum(apart, 2 * _SAME_MODE))
+    pairs = zip(*matched, strict=True)
     return {int(k): int(m) for k, m in pairs if apart[k, m] < _SAME_MODE}
 
 

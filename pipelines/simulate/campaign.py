@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 import tomlkit
-from scipy.fft import irfft, next_fast_len
 
 from ema.core.errors import InputError
 from ema.core.recording import ACCELERATION, FORCE, Channel
@@ -236,14 +236,14 @@ def _simulate_run(
     random: _Random,
 ) -> list[Channel]:
     rate, kept = setup.sampling_rate_hz, setup.n_samples
-    period = next_fast_len(kept + round(_SETTLING_S * rate), real=True)
+    period = scipy.fft.next_fast_len(kept + round(_SETTLING_S * rate), real=True)
     omega = 2.0 * np.pi * np.arange(period // 2 + 1) * rate / period
     angles = np.array(list(positions_deg.values()))
     forces: dict[str, Floats] = {}
     driven: list[tuple[Complexes, ModalSum]] = []
     for name, force_deg in forces_deg.items():
         spectrum = scaled(noise_spectrum(omega, FORCE_BAND_HZ, random), FORCE_RMS_N, period)
-        force = irfft(spectrum, period)[-kept:] + PRELOAD_N
+        force = scipy.fft.irfft(spectrum, period)[-kept:] + PRELOAD_N
         force += FORCE_RMS_N * 10.0 ** (-FORCE_NOISE_DB / 20.0) * random.standard_normal(kept)
         forces[name] = force
         system = modal_sum(modes, angles, force_deg, sensor_mass_kg=setup.sensor_mass_kg)
@@ -252,7 +252,7 @@ def _simulate_run(
         sum(spectrum * system.inertance(row, omega) for spectrum, system in driven)
         for row in range(angles.size)
     )
-    clean = [irfft(each, period)[-kept:].astype(np.float32) for each in responses]
+    clean = [scipy.fft.irfft(each, period)[-kept:].astype(np.float32) for each in responses]
     noise = float(np.mean([np.std(signal, dtype=float) for signal in clean]))
     noise *= 10.0 ** (-setup.snr_db / 20.0)
     signals = [signal + _disturbance(noise, kept, rate, random) for signal in clean]

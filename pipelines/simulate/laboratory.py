@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.fft import irfft
+import scipy
 
 from ema.core.campaign import Campaign, Response, Run, Tyre
 from ema.core.recording import FORCE, Channel, Recording
@@ -280,7 +280,7 @@ class Laboratory:
         else:
             found = chain.responses(driven)
         kept = slice(driven.period - effects.n_samples, None)
-        return irfft(driven.spectrum, driven.period)[kept], found[:, kept]
+        return scipy.fft.irfft(driven.spectrum, driven.period)[kept], found[:, kept]
 
     def _driven(self, run: int) -> chain.Driven:
         effects, mounting, system = self.effects, self.mounting(run), self.system(run)

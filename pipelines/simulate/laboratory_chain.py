@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import fft, ifft, irfft, next_fast_len, rfft
+import scipy
 
 from pipelines.simulate.campaign import HUM_HZ, OFFSET_M_S2, noise_spectrum, scaled
 from pipelines.simulate.laboratory_effects import Effects, Excitation
@@ -66,13 +66,13 @@ class Driven:
         """Accelerations over the period, with gain and delay of the channels."""
         delayed = np.exp(-1j * self.omega * self.mounting.delay_s[:, None])
         spectra = spectra * delayed * self.mounting.gain[:, None]
-        return np.asarray(irfft(spectra, self.period, axis=1))
+        return np.asarray(scipy.fft.irfft(spectra, self.period, axis=1))
 
 
 def period_samples(effects: Effects) -> int:
     """Length of the period that a run is computed on."""
     settling = round(SETTLING_S * effects.sampling_rate_hz)
-    return 2 * int(next_fast_len(-(-(effects.n_samples + settling) // 2), real=True))
+    return 2 * int(scipy.fft.next_fast_len(-(-(effects.n_samples + settling) // 2), real=True))
 
 
 def frequencies(effects: Effects, period: int) -> Floats:
@@ -87,20 +87,21 @@ def force_spectrum(effects: Effects, random: np.random.Generator) -> Complexes:
     omega = frequencies(effects, period)
     kind = effects.excitation
     if kind is Excitation.HAMMER:
-        spectrum = rfft(_hits(effects, period, random))
+        spectrum = scipy.fft.rfft(_hits(effects, period, random))
         spectrum[-1] = 0
         return np.asarray(spectrum)
     if kind is Excitation.SWEEP:
         low, high = (2 * np.pi * limit for limit in effects.band_hz)
         time = np.arange(period) / rate % effects.event_s
         climb = (high - low) / (2 * effects.event_s)
-        spectrum = rfft(np.sin((low + climb * time) * time))
+        spectrum = scipy.fft.rfft(np.sin((low + climb * time) * time))
     else:
         spectrum = noise_spectrum(omega, effects.band_hz, random)
         if kind is Excitation.PINK:
             spectrum /= np.sqrt(1 + omega / (2 * np.pi * PINK_HZ))
         if kind is Excitation.BURST:
-            spectrum = rfft(irfft(spectrum, period) * _gate(effects, period, random))
+            over_time = scipy.fft.irfft(spectrum, period)
+            spectrum = scipy.fft.rfft(over_time * _gate(effects, period, random))
     spectrum[[0, -1]] = 0
     return scaled(spectrum, effects.force_rms_n, period)
 
@@ -169,27 +170,28 @@ def moving_responses(driven: Driven, shift: Complexes) -> Floats:
     growth = (np.cumsum(shift - mean, axis=1) - (shift - mean) / 2) * step
     moving = np.flatnonzero(np.ptp(growth.real, axis=1) < LARGEST_GROWTH)
     still = np.setdiff1d(np.arange(system.poles.size), moving)
-    found = irfft(system.inertance(rows, omega, still) * spectrum, period, axis=1)
-    force, force_rate = irfft(spectrum, period), irfft(1j * omega * spectrum, period)
+    found = scipy.fft.irfft(system.inertance(rows, omega, still) * spectrum, period, axis=1)
+    force = scipy.fft.irfft(spectrum, period)
+    force_rate = scipy.fft.irfft(1j * omega * spectrum, period)
     lines = np.concatenate([omega[:-1], -omega[:0:-1]])
     second = np.empty((moving.size, period), dtype=complex)
     for place, mode in enumerate(moving):
         own = growth[mode] - (growth[mode].real.max() + growth[mode].real.min()) / 2
         grown = np.exp(own)
         pole, now = system.poles[mode] + mean[mode], system.poles[mode] + shift[mode]
-        amplitude = grown * ifft(fft(force / grown) / (1j * lines - pole))
+        amplitude = grown * scipy.fft.ifft(scipy.fft.fft(force / grown) / (1j * lines - pole))
         # x = 2 Re(A q) with q' = s q + f, differentiated twice.
         second[place] = (now**2 + np.gradient(now, step)) * amplitude + now * force + force_rate
     residues = system.residues(rows)[:, moving]
     found += 2 * (residues.real @ second.real - residues.imag @ second.imag)
-    return driven.seen(rfft(found, axis=1))
+    return driven.seen(scipy.fft.rfft(found, axis=1))
 
 
 def level_over_time(found: Floats, rate_hz: float) -> Floats:
     """Response level smoothed over `LEVEL_TIME_S`, over its rms; periodic as the period is."""
     power = np.mean(found**2, axis=0)
     omega = 2 * np.pi * np.fft.rfftfreq(power.size, 1 / rate_hz)
-    smooth = irfft(rfft(power) / (1 + (omega * LEVEL_TIME_S) ** 2), power.size)
+    smooth = scipy.fft.irfft(scipy.fft.rfft(power) / (1 + (omega * LEVEL_TIME_S) ** 2), power.size)
     return np.asarray(np.sqrt(np.maximum(smooth, 0)))
 
 
@@ -221,9 +223,9 @@ def recorded_responses(clean: Floats, effects: Effects, random: np.random.Genera
     noise = mean * 10 ** (-effects.snr_db / 20)
     seen = clean + noise * random.standard_normal(clean.shape)
     if effects.floor:
-        white = rfft(random.standard_normal(clean.shape), axis=1)
+        white = scipy.fft.rfft(random.standard_normal(clean.shape), axis=1)
         white /= np.sqrt(np.maximum(np.arange(white.shape[1]), 1))
-        low = irfft(white, samples, axis=1)
+        low = scipy.fft.irfft(white, samples, axis=1)
         seen += effects.floor * mean * low / np.std(low, axis=1, keepdims=True)
     time = np.arange(samples) / effects.sampling_rate_hz
     phase = random.uniform(0, 2 * np.pi, (count, 1))

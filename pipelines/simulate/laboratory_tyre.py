@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from model.parameters import RingDamping, RingParameters
 from pipelines.simulate.laboratory_effects import Effects
@@ -218,7 +218,7 @@ class LaboratoryTyre:
             return membrane + ring.radial_stiffness_n_m3 * a * e - load
 
         load = pressure * ring.inflation_pressure_pa
-        return float(brentq(excess, 0.0, 0.2, xtol=1e-15))
+        return float(scipy.optimize.brentq(excess, 0.0, 0.2, xtol=1e-15))
 
     def _belt(self, pressure: float, around: Floats | float) -> tuple[Floats, Floats]:
         """Stiffness of the strained belt, and the part of its extension."""
