@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy
 import threadpoolctl
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
@@ -188,6 +189,7 @@ class _SharedLimit:
     def __enter__(self) -> None:
         with self._lock:
             if self._limits is None:
+                _ = scipy.linalg  # loads what it has beneath it: only what is there is limited
                 _take_control()
                 self._limits = threadpool_limits(1, user_api="blas")
             self._n_users += 1
