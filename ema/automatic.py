@@ -47,7 +47,12 @@ from ema.core.settings import CheckSettings, IdentificationSettings
 from ema.fitting.curve_fit import Wish, pole_named, wishes
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.joint_modes import JointModes, joint_modes
-from ema.fitting.joint_orders import across_forces, contradicted_curves, joint_curves
+from ema.fitting.joint_orders import (
+    across_forces,
+    contradicted_curves,
+    joint_curves,
+    settled_curves,
+)
 from ema.fitting.search import curve_fit
 from ema.poles.estimators import widened_band
 from ema.poles.stability import StabilityDiagram, build_stability, select_poles
@@ -401,7 +406,9 @@ def _with_known_pairs(bases: Sequence[Basis]) -> tuple[Sequence[Basis], list[Edi
             curves = [fit.curve for fit in fits], [fit.curve for fit in again]
             fits = [EditedFit(curve) for curve in contradicted_curves(*curves)]
             break
-        bases, fits = known, again
+        judged = settled_curves([fit.curve for fit in again], [fit.curve for fit in fits])
+        every = zip(again, judged, strict=True)
+        bases, fits = known, [own if own.curve is now else EditedFit(now) for own, now in every]
     if len(bases) == 1:
         bases = [replace(bases[0], fit=fits[0])]
     return bases, fits

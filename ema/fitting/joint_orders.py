@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.joint_pair import ForceState, JointFit, JointProblem
 from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, pair_problem
+from ema.fitting.order_pair import OrderFrf, RingOrder, contradicted, pair_problem, settled
 from ema.fitting.pair import PairFit, joint_report
 from ema.fitting.ring_pair import PairProblem
 from ema.fitting.run_states import drift_beside_pairs, in_states
@@ -260,14 +260,30 @@ def contradicted_curves(curves: Sequence[CurveFit], others: Sequence[CurveFit]) 
 
     The mass of the sensors was compensated in another way there; neither is known to be better.
     """
+    return _beside(curves, others, contradicted)
+
+
+def settled_curves(curves: Sequence[CurveFit], before: Sequence[CurveFit]) -> list[CurveFit]:
+    """Fits whose pairs are in doubt where the mass of the sensors does not settle, `settled`."""
+    return _beside(curves, before, lambda order, was, _: settled(order, was))
+
+
+def _beside(
+    curves: Sequence[CurveFit],
+    others: Sequence[CurveFit],
+    judged: Callable[[RingOrder, RingOrder, IdentificationSettings], RingOrder],
+) -> list[CurveFit]:
+    """Fits whose orders are judged beside the same ones of others."""
     found = []
     for curve, other in zip(curves, others, strict=True):
         there = {(o.order, o.is_main): o for o in other.ring}
-        doubted = copy(curve)
-        doubted.ring = tuple(
-            contradicted(o, there.get((o.order, o.is_main), o), curve.settings) for o in curve.ring
+        ring = tuple(
+            judged(o, there.get((o.order, o.is_main), o), curve.settings) for o in curve.ring
         )
-        found.append(doubted)
+        if any(now is not was for now, was in zip(ring, curve.ring, strict=True)):
+            curve = copy(curve)
+            curve.ring = ring
+        found.append(curve)
     return found
 
 

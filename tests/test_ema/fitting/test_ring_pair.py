@@ -14,6 +14,7 @@ from ema.fitting.order_pair import (
     contradicted,
     fit_pair,
     order_report,
+    settled,
     with_curvature,
 )
 from ema.fitting.ring_pair import Known
@@ -99,6 +100,21 @@ def test_a_member_that_is_not_driven_may_lie_on_either_side_in_other_frfs():
     before, after = (np.sqrt(np.diag(each.covariance)) for each in (pair, held))
     assert after[driven] == pytest.approx(before[driven])
     assert after[other] > abs(numbers[other] - pair.numbers[other]) / 2
+
+
+@pytest.mark.parametrize(
+    ("share", "grown", "verdict"),
+    [(0.3, 1.1, Pair.NOT_SEPARABLE), (0.3, 0.9, Pair.RESOLVED), (0.05, 1.1, Pair.RESOLVED)],
+)
+def test_members_that_change_places_while_their_misfit_grows_are_not_believed(
+    share, grown, verdict
+):
+    """Sensors of 10 g on an uneven tyre: what is compensated moves the pair it is taken from."""
+    pair = fitted(order_frf(1.0, 45.0))
+    a, b = pair.share
+    before = replace(pair, share=(a + share, b - share), misfit=pair.misfit / grown)
+    known = RingOrder(4, (0,), pair, order_report(4, pair), None, True)
+    assert settled(known, replace(known, pair=before)).report.pair.verdict is verdict
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0])
