@@ -72,7 +72,7 @@ class WaveMixing:
         Less what noise does. Of orders in the same resonance one pole has what those of the other
         leave of its waves, and so have orders of one pole in their own waves.
         """
-        near = {*_sharing(self.fit.poles, found)}
+        near = {*sharing_resonance(self.fit.poles, found)}
         waves, noise = self.beside.get(found[0]) or self._alone(found)
         power = np.sum(np.abs(waves) ** 2, axis=1)
         shared = {order, *(n for n, poles in self.orders if {*poles} & near)}
@@ -121,8 +121,8 @@ def _are_apart(poles: Complex) -> bool:
     return bool(abs(poles[1] - poles[0]) > _ONE_POLE * np.max(-poles.real))
 
 
-def _sharing(poles: Complex, own: Sequence[int]) -> list[int]:
-    """Poles that share the resonance of an order's own."""
+def sharing_resonance(poles: Complex, own: Sequence[int]) -> list[int]:
+    """Poles of a fit that share the resonance of an order's own."""
     widest = np.maximum.outer(-poles.real, -poles[own].real)
     near = np.any(np.abs(poles[:, None] - poles[own]) < SHARED * widest, axis=1)
     return [int(k) for k in np.flatnonzero(near[: poles.size - N_STAND_INS]) if k not in own]
