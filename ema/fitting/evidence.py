@@ -226,6 +226,12 @@ def residue_size(fit: PoleFit, correlation: float) -> Real:
     return np.asarray(np.sum(np.abs(fit.residues) ** 2 / std**2, axis=0))
 
 
+def within_noise(fit: PoleFit, correlation: float, limit: float) -> tuple[Matrix, Real]:
+    """Poles whose residues noise may make with a probability above a limit, and `residue_size`."""
+    size = residue_size(fit, correlation)
+    return np.asarray(~(scipy.special.chdtrc(2 * fit.lines.scale.size, size) < limit)), size
+
+
 def share_resonance(poles: Complex, reach: float = 1.0) -> Matrix:
     """Which poles lie within `reach` half-widths of each other's resonance, (n_poles, n_poles)."""
     near = np.abs(poles[:, None] - poles) < reach * np.minimum.outer(-poles.real, -poles.real)

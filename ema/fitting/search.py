@@ -7,7 +7,6 @@ from copy import copy
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ema.circumference.orders import family, label_modes, of_order, on_circle
@@ -21,11 +20,11 @@ from ema.fitting.evidence import (
     at_mean_of_positions,
     is_hidden,
     merged,
-    residue_size,
     scatter_over_positions,
     share_resonance,
     surplus_poles,
     visible_share,
+    within_noise,
 )
 from ema.fitting.fit_steps import (
     cleared_like,
@@ -176,9 +175,7 @@ class CurveFit:
         A pole may be stable from model order to model order and yet be only a wiggle of the noise.
         Of two that share a resonance, neither may be determined: only the lesser one goes.
         """
-        size = residue_size(self.fit, self.correlation)
-        p_value = scipy.special.chdtrc(2 * self.fit.lines.scale.size, size)
-        noise = ~(p_value < self.settings.residue_p_value)
+        noise, size = within_noise(self.fit, self.correlation, self.settings.residue_p_value)
         reach = 1.0 if self.circle else _AROUND
         self._drop(noise, size, "its residues are no larger than their uncertainty", reach)
 
@@ -213,10 +210,8 @@ class CurveFit:
         if not np.any(drop) or np.all(drop | ~inside):
             return False
         self._refit(poles[~drop])
-        self.notes += [
-            f"The pole at {abs(pole) / (2 * np.pi):.2f} Hz was dropped: {reason}."
-            for pole in poles[drop]
-        ]
+        dropped_hz = np.abs(poles[drop]) / (2 * np.pi)
+        self.notes += [f"The pole at {hz:.2f} Hz was dropped: {reason}." for hz in dropped_hz]
         return True
 
     def _is_inside(self, poles: Complex) -> NDArray[np.bool_]:
@@ -251,10 +246,14 @@ class CurveFit:
             if not self._follow_drift_of_pairs(search):
                 break
             search = self._orders_alone()
-        self.ring = search.orders_together(self.ring)
+        self.ring = self._together(search, self.ring)
         if self.drift.applied and self._follow_drift_of_pairs(search, however_little=True):
             search = self.pair_search()
-            self.ring = search.orders_together(search.orders_near(self.ring))
+            self.ring = self._together(search, search.orders_near(self.ring))
+
+    def _together(self, search: PairSearch, orders: tuple[RingOrder, ...]) -> tuple[RingOrder, ...]:
+        """The orders beside each other's pairs, which never settle while sensors weigh on them."""
+        return orders if self.selection.pinned else search.orders_together(orders)
 
     def _orders_alone(self) -> PairSearch:
         search = self.pair_search()
