@@ -39,6 +39,24 @@ def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
     assert mode.damping_std < 0.1 * mode.damping_ratio
 
 
+def test_order_2_holds_more_of_a_mode_close_by_than_of_others():
+    """The rim's order 1, 3 Hz below, has 7 % of order 2: its members were off by 3.8 σ."""
+    laboratory, found = laboratory_and_modes(
+        (20.0, 200.0),
+        seed=3978,
+        duration_s=30.0,
+        rim_hz=(38.4, 63.6),
+        splice=0.0043,
+        stiffness_variation=0.002,
+        snr_db=48.0,
+    )
+    members = sorted(driven(laboratory, 2), key=lambda mode: mode.frequency_hz)
+    rows = [mode for mode in found.model.modes if mode.order == 2]
+    for row, true in zip(rows, members, strict=True):
+        assert abs(row.frequency_hz - true.frequency_hz) < 2.5 * row.frequency_std_hz
+        assert abs(row.damping_ratio - true.damping_ratio) < 2.5 * row.damping_std
+
+
 def test_mass_is_compensated_in_the_state_of_each_run():
     """In one state for all, damping of the first run would be 2 % off."""
     laboratory, found = laboratory_and_modes(
