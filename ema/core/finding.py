@@ -92,6 +92,7 @@ class Check(StrEnum):
     FORCES = "forces", "several forces: identified together, their driving points, changes between"
     DRIVE_POINT = "drive point", "position and sign of the force against the modes"
     PLAUSIBILITY = "plausibility", "tuned ring against what tyres have"
+    MASS = "mass", "masses that are stated and were not compensated"
     AMPLITUDE = "amplitude", "amplitude of the modes against the mass of the ring"
     RING = "ring", "whether a ring describes the tyre"
     CHANGED = "changed", "parts of a result changed after it was written"

@@ -44,6 +44,7 @@ from pipelines.results.result import Result, Setup
 # Share by which a band may exceed the last line, as there is none at half the sampling rate.
 _BAND_TOLERANCE = 0.01
 _IN_DOUBT = "the angles of the sensors are in doubt, or part of the circle has none"
+_NO_CIRCLE = "without a circle of positions ([grid]), how it moves at the force is not known"
 _FROM_FILE = "FRFs from a file do not state which sensors were on the tyre together"
 
 
@@ -157,7 +158,11 @@ def _setup(campaign: Campaign, estimated: FRF | References, found: Identificatio
     steady = [steadiness_of(campaign.runs, each.frf, each.model, campaign.checks) for each in every]
     return Setup(
         sensor_mass=_sensor_mass(campaign),
-        findings=(*campaign.findings, *(f for frf in frfs_of(estimated) for f in frf.findings)),
+        findings=(
+            *campaign.findings,
+            *(finding for frf in frfs_of(estimated) for finding in frf.findings),
+            *_masses_left(campaign, found),
+        ),
         notes=tuple(_mass_notes(campaign, found)),
         steadiness=tuple(each for runs in steady for each in runs),
     )
@@ -258,9 +263,6 @@ def _mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
             yield "Of modes of unknown order, it may be left; their ± holds that."
         if campaign.reference_deg is None and any(run.reference for run in campaign.runs):
             yield "The mass of the reference sensor is not compensated: its angle is not given."
-    elif not campaign.runs or compensated is None:
-        reason = _IN_DOUBT if campaign.runs else _FROM_FILE
-        yield f"The sensor mass is not compensated: {reason}."
 
 
 def _live_mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]:
@@ -269,12 +271,32 @@ def _live_mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]
     if mass_kg is None:
         if campaign.has_circle:
             yield live_mass_note(found.model, campaign.excitation_deg or 0.0)
-    elif mass_kg and found.sensor_mass is None:
-        reason = _IN_DOUBT if campaign.has_circle else "without [grid], no drive point is known"
-        yield f"The live mass is not compensated: {reason}."
-    elif mass_kg:
+    elif mass_kg and found.sensor_mass is not None:
         grams = f"{1e3 * mass_kg:g} g"
         yield f"Corrected to the bare tyre: live mass of {grams} at the force is compensated."
+
+
+def _masses_left(campaign: Campaign, found: Identification) -> Iterator[Finding]:
+    """Masses that are stated and still in the modes: no ± holds what they shift."""
+    stated, live_kg, taken = campaign.stated_mass_kg, campaign.live_mass_kg, found.sensor_mass
+    left = []
+    if stated and not (taken is not None and taken.loads) and _any_mass(stated):
+        seats = _IN_DOUBT if campaign.runs else _FROM_FILE
+        left.append((f"sensors of {_grams(stated)}", seats if campaign.has_circle else _NO_CIRCLE))
+    if live_kg and taken is None:
+        left.append(
+            (
+                f"{1e3 * live_kg:.3g} g between load cell and tyre",
+                _IN_DOUBT if campaign.has_circle else _NO_CIRCLE,
+            )
+        )
+    for what, reason in left:
+        detail = f"{what}: not compensated, natural frequencies are those with this mass; {reason}"
+        yield Finding("", "", None, Check.MASS, Verdict.WARNING, detail)
+
+
+def _any_mass(stated: float | dict[str, float]) -> bool:
+    return any(stated.values()) if isinstance(stated, dict) else stated > 0
 
 
 def _grams(stated: float | dict[str, float]) -> str:

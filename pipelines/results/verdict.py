@@ -38,7 +38,7 @@ _POOR_FRAC = 0.9  # median, below which the modes do not explain the FRFs
 # Findings that come first among those of one state, by what they put in doubt.
 _FIRST = (
     *(Check.CHANGED, Check.POSITIONS, Check.PLAUSIBILITY, Check.SAMPLING_RATE, Check.AMPLITUDE),
-    *(Check.DRIVE_POINT, Check.DRIFT, Check.REFERENCE, Check.GAIN, Check.WITHIN_RUN),
+    *(Check.MASS, Check.DRIVE_POINT, Check.DRIFT, Check.REFERENCE, Check.GAIN, Check.WITHIN_RUN),
     *(Check.INCONSISTENT, Check.CORRECTIONS_WITHHELD),
 )
 SECTIONS = ("model", "verdict", "covariance", "measured")
