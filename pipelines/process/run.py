@@ -279,24 +279,17 @@ def _live_mass_notes(campaign: Campaign, found: Identification) -> Iterator[str]
 def _masses_left(campaign: Campaign, found: Identification) -> Iterator[Finding]:
     """Masses that are stated and still in the modes: no ± holds what they shift."""
     stated, live_kg, taken = campaign.stated_mass_kg, campaign.live_mass_kg, found.sensor_mass
-    left = []
-    if stated and not (taken is not None and taken.loads) and _any_mass(stated):
-        seats = _IN_DOUBT if campaign.runs else _FROM_FILE
-        left.append((f"sensors of {_grams(stated)}", seats if campaign.has_circle else _NO_CIRCLE))
+    loads = any(stated.values()) if isinstance(stated, dict) else bool(stated)
+    reason = _IN_DOUBT if campaign.has_circle else _NO_CIRCLE
+    left = {}
+    if stated is not None and loads and (taken is None or not taken.loads):
+        from_file = campaign.has_circle and not campaign.runs
+        left[f"sensors of {_grams(stated)}"] = _FROM_FILE if from_file else reason
     if live_kg and taken is None:
-        left.append(
-            (
-                f"{1e3 * live_kg:.3g} g between load cell and tyre",
-                _IN_DOUBT if campaign.has_circle else _NO_CIRCLE,
-            )
-        )
-    for what, reason in left:
-        detail = f"{what}: not compensated, natural frequencies are those with this mass; {reason}"
+        left[f"{1e3 * live_kg:.3g} g between load cell and tyre"] = reason
+    for what, why in left.items():
+        detail = f"{what}: not compensated, natural frequencies are those with this mass; {why}"
         yield Finding("", "", None, Check.MASS, Verdict.WARNING, detail)
-
-
-def _any_mass(stated: float | dict[str, float]) -> bool:
-    return any(stated.values()) if isinstance(stated, dict) else stated > 0
 
 
 def _grams(stated: float | dict[str, float]) -> str:
