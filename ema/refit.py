@@ -239,7 +239,7 @@ def _fitted_again(shown: EditedFit) -> tuple[PoleFit, list[Key]]:
     before, curve = shown.curve.fit, shown.curve
     poles = np.array([row.mode.pole for row in rows])
     drift = before.drift if len(before.drift) > 1 else None
-    stay = {*curve.locked, *(order.key for order in curve.ring if order.jointly)}
+    stay = {*curve.locked, *curve.held, *(order.key for order in curve.ring if order.jointly)}
     locked = tuple(k for k, row in enumerate(rows) if row.key[0] in stay)
     given = curve.settings, drift, None, (), locked
     return fit_bounded(before.lines, poles, *given, tries=_FEW_TRIES), [row.key for row in rows]

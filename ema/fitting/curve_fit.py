@@ -45,6 +45,7 @@ from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.run_states import with_states
 from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.wave_mixing import sharing_resonance
 from ema.poles.stability import StabilityDiagram
 
 #: Gives the diagram of a method, the main one without.
@@ -188,7 +189,7 @@ def settled(curve: CurveFit) -> Settled:
     curve, frf = copy(curve), curve.frf
     curve.ring = tuple(with_curvature(order, curve.settings) for order in curve.ring)
     fit, owner, place = _one_pole_per_order(curve)
-    apart = {r: order for r, order in owner.items() if order.jointly or order.is_resolved}
+    apart = _apart(curve, fit, owner)
     shown = _beside_pairs(curve, fit.poles, apart, fit.locked) if apart else fit
     misfit = shown.misfit if apart else curve.fit.misfit
     poles, of_own_lines = on_own_lines(shown, _alone(curve, fit, owner), curve.correlation)
@@ -235,6 +236,17 @@ def settled(curve: CurveFit) -> Settled:
     )
 
 
+def _apart(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> dict[int, RingOrder]:
+    """Orders whose waves are taken as found: beside an order beneath another, of both of them."""
+    held = [r for r, order in owner.items() if order.key in curve.held]
+    near = sharing_resonance(fit.poles, held) if held else []
+    return {
+        r: order
+        for r, order in owner.items()
+        if order.jointly or order.is_resolved or r in held or r in near
+    }
+
+
 def _alone(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> NDArray[np.int_]:
     """Poles in the band that no pair of an order is found for; those between bounds only."""
     low, high = curve.band_hz
@@ -270,7 +282,7 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     bound = fit.at_bound.reshape(-1, 2)[kept]
     bound[[kept.index(k) for k in means]] = False
     owner = {kept.index(k): order for k, (order, _) in means.items()}
-    locked = tuple(kept.index(k) for k in fit.locked if k in kept)
+    locked = tuple(kept.index(k) for k in curve.locked if k in kept)
     jointly = {r: order for r, order in owner.items() if order.jointly}
     again = _beside_pairs(curve, poles, jointly, locked)
     return replace(again, at_bound=bound.ravel()), owner, kept

@@ -33,6 +33,7 @@ from ema.fitting.fit_steps import (
     modes_of,
     without_leakage,
 )
+from ema.fitting.hidden_order import is_another, of_its_order, pair_beneath, suspects
 from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch
 from ema.fitting.order_pair import RingOrder, poles_shown
@@ -65,10 +66,6 @@ NO_SHIFT = np.zeros((1, N_DRIFT))
 _MAKES_UP = 0.8
 # Without a circle, one of several doubtful poles goes first if this many half-widths hold them.
 _AROUND = 4.0
-# A ring mode of less purity may hide one of another order, damped this much more.
-_TWO_ORDERS, _BROADER = 0.97, 1.8
-# Its shape has at least this share of its power in that order.
-_ITS_OWN = 0.6
 # Rounds in which poles that hardly show are dropped; more than five were never needed.
 _MOST_DROPS = 8
 # Rounds in which states of the runs and pairs are found from each other.
@@ -127,6 +124,8 @@ class CurveFit:
         stated with them.
     order_of : mapping of int to int
         Orders of poles that a person gave them.
+    held : mapping of int to int
+        Poles that stay where their order's own FRFs show them, and that order.
     """
 
     def __init__(
@@ -146,6 +145,7 @@ class CurveFit:
         self.circle = on_circle(frf.position_deg)
         self.locked: Mapping[int, Real] = {}
         self.order_of: Mapping[int, int] = {}
+        self.held: Mapping[int, int] = {}
 
     def start(self) -> None:
         """Fit all runs in one state, the members of close pairs as one pole at first."""
@@ -303,23 +303,22 @@ class CurveFit:
         return PairSearch(self.frf, lines, self.fit, self.labelled(self.fit), *known)
 
     def _add_hidden(self) -> None:
-        """Add the pole of a second order where one pole holds two at the same frequency.
+        """Add the pole of an order beneath that of another one, where its own FRFs show it."""
+        before, centre = self.fit, self.centre
 
-        A rim that moves gives order 1 a broad resonance, often beneath that of order 2. Kept only
-        if its shape is that order's.
-        """
-        before, centre, (low, high) = self.fit, self.centre, self.band_hz
-        labelled = self.labelled(before)
-        for found in family(labelled).values():
-            mode = labelled[found[0]]
-            if mode.order_purity < _TWO_ORDERS and low <= mode.frequency_hz <= high:
-                size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
-                added = size * (-ratio + 1j * np.sqrt(1 - ratio**2))
-                self._refit(np.insert(before.poles, 0, added))
-                tried = self.labelled(self.fit)
-                if tried[0].order != mode.order and tried[0].order_purity > _ITS_OWN:
-                    return
-                self.fit, self.centre = before, centre
+        def beside(pole: complex) -> PairSearch:
+            self._refit(np.insert(before.poles, 0, pole))
+            search = self.pair_search()
+            search.resolve(())
+            return search
+
+        for mode, order in suspects(self.labelled(before), self.frf.position_deg, self.band_hz):
+            self.held = {0: order}
+            pair = pair_beneath(mode, order, beside)
+            above = 1 + int(np.argmin(np.abs(before.poles - mode.pole)))
+            if pair and is_another(mode, self.labelled(self.fit)[above], pair):
+                return
+            self.fit, self.centre, self.held = before, centre, {}
 
     @property
     def _shifts(self) -> Real:
@@ -343,6 +342,8 @@ class CurveFit:
         modes = list(label_modes(modes_of(fit), self.frf.position_deg)[:-N_STAND_INS])
         for pole, order in self.order_of.items():
             modes[pole] = of_order(modes[pole], order, self.frf.position_deg)
+        for pole, order in self.held.items():
+            modes[pole] = of_its_order(modes[pole], order, self.frf.position_deg)
         return tuple(modes)
 
     @cached_property
@@ -423,7 +424,7 @@ class CurveFit:
         """Fit within the bounds around `centre`, members of a pair damped alike."""
         pairs = self._pairs(evaluate(lines, poles, drift))
         states = drift if len(drift) > 1 else None
-        given = self.settings, states, self.centre, pairs, tuple(self.locked)
+        given = self.settings, states, self.centre, pairs, (*self.locked, *self.held)
         return fit_bounded(lines, poles, *given)
 
     def judged_anew(self, before: Sequence[RingOrder]) -> CurveFit:
@@ -437,7 +438,7 @@ class CurveFit:
     def _again(self, lines: Lines, poles: Complex) -> PoleFit:
         """Fit other lines from these poles."""
         drift = self.fit.drift if len(self.fit.drift) > 1 else None
-        stay = self.fit.poles[list(self.locked)]
+        stay = self.fit.poles[[*self.locked, *self.held]]
         locked = tuple(np.flatnonzero(np.isin(poles, stay)).tolist())
         start = around = with_stand_ins(poles, lines)
         if lines.frequency_hz[-1] == self.fit.lines.frequency_hz[-1]:

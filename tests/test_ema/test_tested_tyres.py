@@ -39,6 +39,21 @@ def test_order_1_on_a_moving_rim_is_found_beneath_order_2(seed, rim_hz):
     assert mode.damping_std < 0.1 * mode.damping_ratio
 
 
+@pytest.mark.parametrize(
+    ("seed", "rim_hz", "splice"), [(3951, (36.3, 52.6), 0.0097), (4164, (42.64, 63.0), 0.0074)]
+)
+def test_order_1_is_found_where_one_pole_explains_both_orders(seed, rim_hz, splice):
+    """A free second pole would follow what one pole leaves of order 2's pair."""
+    laboratory, found = laboratory_and_modes(
+        (20.0, 200.0), seed=seed, rim_hz=rim_hz, splice=splice, stiffness_variation=0.0045
+    )
+    upper = next(mode for mode in driven(laboratory, 1) if mode.frequency_hz > 80)
+    mode = max((m for m in found.model.modes if m.order == 1), key=lambda m: m.frequency_hz)
+    assert mode.frequency_hz == pytest.approx(upper.frequency_hz, rel=0.002)
+    assert mode.damping_ratio == pytest.approx(upper.damping_ratio, rel=0.05)
+    assert all(mode.order_purity > 0.98 for mode in found.model.modes if mode.order == 2)
+
+
 def test_order_2_holds_more_of_a_mode_close_by_than_of_others():
     """The rim's order 1, 3 Hz below, has 7 % of order 2: its members were off by 3.8 σ."""
     laboratory, found = laboratory_and_modes(

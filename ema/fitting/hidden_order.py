@@ -1,0 +1,95 @@
+"""An order whose resonance lies beneath that of another one, as order 1 of a rim that moves.
+
+A pole that is free at all positions follows what the stronger order's pole leaves of its pair, not
+the weaker order. The weaker order's own FRFs show it: nothing else of that size is in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ema.circumference.orders import circle_basis, family, order_content
+from ema.core.modes import Mode
+from ema.fitting.mode_pairs import PairSearch
+from ema.fitting.pair import PairFit
+from ema.fitting.variable_projection import Complex, Real
+
+# A ring mode of less purity may hide one of another order, damped this much more.
+_IMPURE, _BROADER = 0.985, 1.8
+# The other order has this many times the power of any third one: errors of sensors spread.
+_CLEARLY = 4.0
+# A pole of its own lies this far from that of the order above it, half-widths and 1 σ, …
+_APART, _APART_STD = 0.2, 4.0
+# … and leaves at most this share of the impurity.
+_LEFT = 0.7
+# Fits of the order's own FRFs and of the rest, beside each other; two were enough.
+_ROUNDS = 4
+
+
+def suspects(
+    modes: Sequence[Mode], position_deg: Real, band_hz: tuple[float, float]
+) -> Iterator[tuple[Mode, int]]:
+    """Ring modes in the band that may hide another order, and which one."""
+    low, high = band_hz
+    for found in family(modes).values():
+        mode = modes[found[0]]
+        if mode.order_purity < _IMPURE and low <= mode.frequency_hz <= high:
+            power = order_content(mode.residues, position_deg).power
+            power[[0, mode.order or 0]] = 0.0
+            second, third = np.argsort(power)[[-1, -2]].tolist()
+            if power[second] > _CLEARLY * power[third]:
+                yield mode, second
+
+
+def beneath(mode: Mode) -> complex:
+    """Where the search for a pole beneath that of a mode starts."""
+    size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
+    return complex(size * (-ratio + 1j * np.sqrt(1 - ratio**2)))
+
+
+def of_its_order(mode: Mode, order: int, position_deg: Real) -> Mode:
+    """The mode with what its shape has of one order, and nothing else of it.
+
+    The rest is what the pole above leaves there.
+    """
+    inverse = np.linalg.pinv(circle_basis(position_deg, order))[-2:]
+    wave = circle_basis(position_deg, order)[:, -2:]
+    own: Complex = wave @ (inverse @ mode.residues)
+    return replace(mode, residues=own, order=order, order_purity=1.0)
+
+
+def pair_beneath(mode: Mode, order: int, beside: Callable[[complex], PairSearch]) -> PairFit | None:
+    """The pair that an order's own FRFs show beneath a mode; None where they show none.
+
+    `beside` fits all other poles beside one of that order, the first of all, and gives the search
+    for pairs on that fit.
+    """
+    pole = beneath(mode)
+    for _ in range(_ROUNDS):
+        search = beside(pole)
+        if 0 not in search.directions:
+            return None
+        pair = search.fitted(order, [0], search.seen_of(order, [0])).pair
+        if pair is None:
+            return None
+        pole = pair.mean
+    return pair
+
+
+def is_another(before: Mode, above: Mode, pair: PairFit) -> bool:
+    """Whether an order has a pair of its own beneath a mode, seen without and with it.
+
+    What sensors or an uneven tyre mix of the mode into the order has the mode's own pole.
+    """
+    pole, (hz_std, ratio_std) = pair.mean, np.sqrt(np.diag(pair.covariance)[4:])
+    apart = abs(pole - above.pole)
+    known = np.hypot(2 * np.pi * hz_std, abs(pole) * ratio_std)
+    return bool(
+        before.order == above.order
+        and 1 - above.order_purity < _LEFT * (1 - before.order_purity)
+        and apart > -_APART * above.pole.real
+        and apart > _APART_STD * known
+    )
