@@ -206,7 +206,7 @@ def settled(curve: CurveFit) -> Settled:
         modes, both = with_model_error(modes, both, fit, scatter)
     drift = final_drift(curve, fit, covariance)
     unseen = std_of_unseen_pairs(fit, modes, owner, frf.position_deg, curve.correlation)
-    between = np.hypot(std_between_runs(fit, curve.correlation), unseen)
+    between = np.hypot(_between_runs(curve, fit, owner), unseen)
     mixed = in_other_orders(fit, owner, residues_std, frf.position_deg, curve.settings)
     beside = beside_ring(modes, frf.position_deg, owner)
     if curve.circle and not curve.selection.pinned:
@@ -234,6 +234,16 @@ def settled(curve: CurveFit) -> Settled:
         misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         notes=(*curve.leakage_notes, *curve.notes),
     )
+
+
+def _between_runs(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> Real:
+    """Standard deviations from what the runs differ by, beside pairs.
+
+    One pole in the place of a pair would leave in each run what that run sees of its members.
+    """
+    two = {r: order for r, order in owner.items() if order.shows_two(curve.settings)}
+    beside = _beside_pairs(curve, fit.poles, two, fit.locked) if two else fit
+    return std_between_runs(beside, curve.correlation)
 
 
 def _apart(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> dict[int, RingOrder]:
