@@ -79,11 +79,12 @@ def pair_beneath(mode: Mode, order: int, beside: Callable[[complex], PairSearch]
     return pair
 
 
-def is_another(before: Mode, above: Mode, pair: PairFit) -> bool:
-    """Whether an order has a pair of its own beneath a mode, seen without and with it.
+def is_another(before: Mode, others: Sequence[Mode], pair: PairFit) -> bool:
+    """Whether an order has a pair of its own beneath a mode, which is one of `others` with it.
 
     What sensors or an uneven tyre mix of the mode into the order has the mode's own pole.
     """
+    above = min(others, key=lambda mode: abs(mode.pole - before.pole))
     pole, (hz_std, ratio_std) = pair.mean, np.sqrt(np.diag(pair.covariance)[4:])
     apart = abs(pole - above.pole)
     known = np.hypot(2 * np.pi * hz_std, abs(pole) * ratio_std)
@@ -92,4 +93,12 @@ def is_another(before: Mode, above: Mode, pair: PairFit) -> bool:
         and 1 - above.order_purity < _LEFT * (1 - before.order_purity)
         and apart > -_APART * above.pole.real
         and apart > _APART_STD * known
+    )
+
+
+def note_of(mode: Mode, order: int, pair: PairFit) -> str:
+    """What was found, for the notes of the result."""
+    return (
+        f"Order {order} has a resonance at {abs(pair.mean) / (2 * np.pi):.1f} Hz beneath that of "
+        f"order {mode.order}: its pole is taken from the FRFs of order {order} alone."
     )
