@@ -372,8 +372,8 @@ def _with_sensors_checked(basis: Basis) -> Basis:
 def _with_known_drift(basis: Basis) -> Basis:
     """With masses compensated run by run as the tyre drifts."""
     for _ in range(_DRIFT_PASSES):
-        drift = basis.fit.settled.drift
-        if basis.state.mass is None or not drift.applied:
+        drift, mass = basis.fit.settled.drift, basis.state.mass
+        if mass is None or not drift.applied or drift.is_as(mass.drift):
             break
         state = basis.state.knowing(drift=drift)
         basis = basis.on(state, (basis.diagram, basis.asked.selected(basis.diagram)))

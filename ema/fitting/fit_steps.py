@@ -223,8 +223,8 @@ def in_other_orders(
 def _of_shares(pair: PairFit, share_std: float = _SHARE_STD) -> NDArray[np.float64]:
     """What not knowing the members' shares does to the mean of frequency and damping ratio.
 
-    Shares of complex modes are complex: part of a split then shows as damping, and of unlike damping
-    as frequency.
+    Shares of complex modes are complex: part of a split then shows as damping, and part of what
+    damping differs by as frequency.
     """
     apart = np.abs(pair.numbers[2:4] - pair.numbers[:2])
     spread = share_std * np.sqrt(pair.share[0] * pair.share[1]) * apart
