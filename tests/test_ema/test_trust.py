@@ -102,7 +102,7 @@ CORRECTIONS = {"flipped", "scaled", "swapped", "inconsistent"}
 
 
 @pytest.mark.parametrize("in_state", [warmer, pumped])
-@pytest.mark.parametrize("percent", [0.1, 0.6, 0.9])
+@pytest.mark.parametrize("percent", [0.1, 0.9])
 def test_a_drift_makes_no_sensor_look_faulty(percent, in_state):
     drift = np.linspace(0, percent, 6)
     truth = truth_modes(split_percent=0.1)

@@ -25,6 +25,8 @@ from pipelines.results.edits_file import Record, read_edits, record_of, write_ed
 from pipelines.results.options import Options
 from pipelines.results.store import load
 from pipelines.simulate.campaign import simulate_campaign
+from pipelines.simulate.laboratory import Laboratory
+from pipelines.simulate.laboratory_effects import Effects
 
 WITHOUT_3 = Edit(EditKind.SET_ASIDE, PoleName(121.4), by="me", reason="not at 2.0 bar")
 FLIPPED = Edit(EditKind.FLIP, channel=ChannelName("A05", "config_2.uff"))
@@ -78,14 +80,22 @@ def test_refit_of_a_folder_gives_what_the_recordings_give(short_campaign, short_
 
 
 def test_refit_compensates_masses_and_drift_again(tmp_path):
-    options = {"duration_s": 4.0, "sensor_mass_kg": 0.02, "drift_percent": 0.4}
-    campaign = simulate_campaign(tmp_path / "campaign", **options)
-    fewer = replace(FEW, processing=Processing(band_hz=(60.0, 130.0)))
-    save(process(campaign, fewer), tmp_path / "result", report=False)
-    edits = [Edit(EditKind.SET_ASIDE, PoleName(121.4)), OUT]
+    effects = Effects(
+        sensors=9, runs=3, duration_s=8.0, sensor_mass_kg=0.02, temperature_drift=0.004
+    )
+    campaign, fewer = Laboratory(effects).campaign(), Processing(band_hz=(60.0, 140.0))
+    options = replace(FEW, processing=fewer)
+    found = process(campaign, options)
+    assert found.sensor_mass.drift.applied
+    save(found, tmp_path / "result", report=False)
+    left_out = ChannelName("A07", campaign.runs[2].name)
+    edits = [
+        Edit(EditKind.SET_ASIDE, PoleName(found.modal_model.modes[1].frequency_hz)),
+        Edit(EditKind.CHANNEL_OUT, channel=left_out),
+    ]
     again = refit(tmp_path / "result", edits)
     assert again.sensor_mass.mass_kg == 0.02
-    assert_same(process(campaign, fewer, edits=edits), again)
+    assert_same(process(campaign, options, edits=edits), again)
 
 
 def test_no_decisions_give_the_automatic_result(short_result, short_folder):
