@@ -61,32 +61,40 @@ def of_its_order(mode: Mode, order: int, position_deg: Real) -> Mode:
     return replace(mode, residues=own, order=order, order_purity=1.0)
 
 
-def pair_beneath(mode: Mode, order: int, beside: Callable[[complex], PairSearch]) -> PairFit | None:
-    """The pair that an order's own FRFs show beneath a mode; None where they show none.
+def pairs_beneath(
+    mode: Mode, order: int, beside: Callable[[complex], PairSearch]
+) -> tuple[PairFit, PairFit] | None:
+    """The pair that an order's own FRFs show beneath a mode, and that of the mode's order.
 
     `beside` fits all other poles beside one of that order, the first of all, and gives the search
-    for pairs on that fit.
+    for pairs on that fit. None where the FRFs show none.
     """
-    pole = beneath(mode)
+    pole, pair = beneath(mode), None
     for _ in range(_ROUNDS):
         search = beside(pole)
-        if 0 not in search.directions:
-            return None
-        pair = search.fitted(order, [0], search.seen_of(order, [0])).pair
+        pair = _pair_of(search, order, [0])
         if pair is None:
             return None
         pole = pair.mean
-    return pair
+    above = [_pair_of(search, n, found) for n, found in search.main if n == mode.order]
+    return (pair, above[0]) if pair and above and above[0] else None
 
 
-def is_another(before: Mode, others: Sequence[Mode], pair: PairFit) -> bool:
+def _pair_of(search: PairSearch, order: int, found: list[int]) -> PairFit | None:
+    if found[0] not in search.directions:
+        return None
+    return search.fitted(order, found, search.seen_of(order, found)).pair
+
+
+def is_another(before: Mode, others: Sequence[Mode], pairs: tuple[PairFit, PairFit]) -> bool:
     """Whether an order has a pair of its own beneath a mode, which is one of `others` with it.
 
-    What sensors or an uneven tyre mix of the mode into the order has the mode's own pole.
+    What sensors or an uneven tyre mix of the mode into the order has the poles of the mode's pair.
     """
     above = min(others, key=lambda mode: abs(mode.pole - before.pole))
-    pole, (hz_std, ratio_std) = pair.mean, np.sqrt(np.diag(pair.covariance)[4:])
-    apart = abs(pole - above.pole)
+    pair, (hz_std, ratio_std) = pairs[0], np.sqrt(np.diag(pairs[0].covariance)[4:])
+    pole, mixed = pair.mean, np.array([above.pole, pairs[1].mean, *pairs[1].poles])
+    apart = float(np.min(np.abs(pole - mixed)))
     known = np.hypot(2 * np.pi * hz_std, abs(pole) * ratio_std)
     return bool(
         before.order == above.order

@@ -33,7 +33,7 @@ from ema.fitting.fit_steps import (
     modes_of,
     without_leakage,
 )
-from ema.fitting.hidden_order import is_another, note_of, of_its_order, pair_beneath, suspects
+from ema.fitting.hidden_order import is_another, note_of, of_its_order, pairs_beneath, suspects
 from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch
 from ema.fitting.order_pair import RingOrder, poles_shown
@@ -314,9 +314,9 @@ class CurveFit:
 
         for mode, order in suspects(self.labelled(before), self.frf.position_deg, self.band_hz):
             self.held = {0: order}
-            pair = pair_beneath(mode, order, beside)
-            if pair and is_another(mode, self.labelled(self.fit)[1:], pair):
-                self.notes.append(note_of(mode, order, pair))
+            pairs = pairs_beneath(mode, order, beside)
+            if pairs and is_another(mode, self.labelled(self.fit)[1:], pairs):
+                self.notes.append(note_of(mode, order, pairs[0]))
                 return
             self.fit, self.centre, self.held = before, centre, {}
 

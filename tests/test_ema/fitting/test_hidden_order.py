@@ -1,0 +1,53 @@
+"""Order 1 beneath order 2: found where it has a pole of its own, not where sensors mix the two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import systems
+
+import ema
+from pipelines.simulate.truth import truth_modes
+
+ORDER_2 = (systems.TABLE_3_HZ[1], systems.TABLE_3_DAMPING[1])
+
+
+def modes_with_a_wave_of_order_1(share, frequency_hz, damping_ratio, truth=None):
+    """Modes of the tyre of the paper with order 1 at another pole, of this share of order 2."""
+    frf = systems.campaign_frf(truth or truth_modes(), 40, seed=3)
+    poles = np.array([systems.pole(frequency_hz, damping_ratio)])
+    shape = share * np.cos(np.deg2rad(frf.position_deg))
+    residues = np.outer(shape, systems.residue(poles))
+    wave = systems.inertance(frf.frequency_hz, poles, residues)
+    found = ema.identify_modes(replace(frf, values=frf.values + wave), (60.0, 160.0)).model
+    return [mode for mode in found.modes if mode.order in (1, 2)]
+
+
+@pytest.mark.parametrize("share", [0.15, 0.25])
+def test_what_is_mixed_into_an_order_has_no_pole_of_its_own(share):
+    one, two = modes_with_a_wave_of_order_1(share, *ORDER_2)
+    assert (one.order, two.order) == (1, 2)
+    assert one.frequency_hz == pytest.approx(systems.TABLE_3_HZ[0], rel=1e-3)
+    assert two.order_purity < 1 - share**2 / 2
+
+
+@pytest.mark.parametrize(("hz", "ratio"), [(101.0, 0.05), (99.0, 0.045), (100.31, 0.05)])
+def test_an_order_beneath_another_is_found_by_its_own_frfs(hz, ratio):
+    _, *both = modes_with_a_wave_of_order_1(0.3, hz, ratio)
+    beneath = next(mode for mode in both if mode.order == 1)
+    above = next(mode for mode in both if mode.order == 2)
+    assert beneath.frequency_hz == pytest.approx(hz, abs=min(0.3, 3 * beneath.frequency_std_hz))
+    assert beneath.damping_ratio == pytest.approx(ratio, rel=0.05)
+    assert above.frequency_hz == pytest.approx(ORDER_2[0], rel=1e-3)
+    assert above.order_purity > 0.98
+
+
+@pytest.mark.parametrize(
+    ("split_percent", "member", "share"), [(1.0, 1, 0.35), (3.0, 0, 0.2), (0.5, 1, 0.35)]
+)
+def test_a_member_of_the_pair_above_is_no_pole_of_another_order(split_percent, member, share):
+    truth = truth_modes(split_percent=split_percent, shaker_between=0.2)
+    pair = sorted((m for m in truth if m.order == 2), key=lambda mode: mode.frequency_hz)
+    of_pole = pair[member].frequency_hz, pair[member].damping_ratio
+    found = modes_with_a_wave_of_order_1(share, *of_pole, truth)
+    assert [mode.order for mode in found if mode.frequency_hz > 90] == [2, 2]
