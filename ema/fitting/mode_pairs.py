@@ -29,7 +29,7 @@ _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
 # Sensors mix of one order into another so many times what is the median of all.
 _MIXED = 3.0
 # … and an uneven tyre no more than this share of a mode into the order of one close by.
-_MOST_MIXED = 0.1
+_MOST_MIXED = 0.2
 # Further fits of the orders beside poles, and with leakage and states, of the pairs found so far:
 # at most so many, until poles move by less than this share of their standard deviation.
 _ROUNDS, _SETTLED = 15, 0.2
