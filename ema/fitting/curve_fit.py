@@ -233,6 +233,7 @@ def settled(curve: CurveFit) -> Settled:
         values=curve.fit.lines.values,
         misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
         notes=(*curve.leakage_notes, *curve.notes),
+        locked=frozenset(curve.locked),
     )
 
 

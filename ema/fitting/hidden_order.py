@@ -11,11 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ema.circumference.orders import circle_basis, family, order_content
+from ema.circumference.orders import family, order_basis, order_content
 from ema.core.modes import Mode
 from ema.fitting.mode_pairs import PairSearch
 from ema.fitting.pair import PairFit
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.variable_projection import Real
 
 # A ring mode of less purity may hide one of another order, damped this much more.
 _IMPURE, _BROADER = 0.985, 1.8
@@ -55,9 +55,8 @@ def of_its_order(mode: Mode, order: int, position_deg: Real) -> Mode:
 
     The rest is what the pole above leaves there.
     """
-    inverse = np.linalg.pinv(circle_basis(position_deg, order))[-2:]
-    wave = circle_basis(position_deg, order)[:, -2:]
-    own: Complex = wave @ (inverse @ mode.residues)
+    content = order_content(mode.residues, position_deg)
+    own = order_basis(position_deg, order) @ [content.cosine[order], content.sine[order]]
     return replace(mode, residues=own, order=order, order_purity=1.0)
 
 

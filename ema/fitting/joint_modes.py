@@ -318,6 +318,7 @@ class JointModes:
                     values=_cut(curve.fit.lines, *fit.lines.frequency_hz[[0, -1]]).values,
                     misfit=point.reduced if np.all(np.isfinite(curve.frf.std)) else float("nan"),
                     notes=(*curve.leakage_notes, *self.notes),
+                    locked=frozenset(),
                 )
             )
         return found

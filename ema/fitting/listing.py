@@ -270,6 +270,7 @@ class Settled:
     misfit : float
         Reduced χ²; NaN where the noise is not known.
     notes : tuple of str
+    locked : frozenset of int, as in the keys of rows
     """
 
     frf: FRF
@@ -282,6 +283,7 @@ class Settled:
     values: Complex
     misfit: float
     notes: tuple[str, ...]
+    locked: frozenset[int]
 
     def listed_pole(self, row: Row) -> complex:
         """Pole of a row as a result states it, without the damping of an exponential window."""
@@ -305,8 +307,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
     """
     choice = choice or Choice()
     frf, fit, rows = settled.frf, settled.fit, settled.rows
-    inside = [k for k, row in enumerate(rows) if choice.lists(row)]
-    if not inside:
+    if not (inside := [k for k, row in enumerate(rows) if choice.lists(row)]):
         raise FitError("no mode is left to list. Set fewer aside, or keep another one.")
     shown = [
         replace(rows[k].mode, chosen=choice.chosen.get(rows[k].key, Chosen.AUTOMATIC))
@@ -338,7 +339,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
     )
     fitted = model.synthesise(fit.lines.frequency_hz, run=frf.run)
     model = replace(model, frac=frac(settled.values, fitted))
-    stated = [rows[k].key[0] in fit.locked for k in inside]
+    stated = [rows[k].key[0] in settled.locked for k in inside]
     return with_unknown_window(without_window(model, frf.exponential_window), frf, stated)
 
 

@@ -193,6 +193,18 @@ def test_switches_do_one_thing_each(found):
     assert [numbers(m) for m in refit_modes(found, only).model.modes] == [numbers(members[0])]
 
 
+def test_a_lock_leaves_the_error_bars_of_all_modes():
+    """What an unknown window leaves open was taken from other modes and added to the locked one."""
+    truth = [
+        mode for mode in truth_modes(split_percent=2.0) if (mode.order, mode.member) != (3, "b")
+    ]
+    found = identify_modes(systems.campaign_frf(truth, 40, seed=3), (60.0, 160.0))
+    alone = next(mode for mode in found.model.modes if mode.order == 3)
+    locked = refit_modes(found, [Edit(EditKind.LOCK, name(alone))])
+    before, after = ([m.damping_std for m in each.model.modes] for each in (found, locked))
+    np.testing.assert_allclose(after, before, rtol=0.02)
+
+
 def test_a_locked_pole_stays_and_one_that_starts_elsewhere_comes_back(found, single):
     locked = Edit(EditKind.LOCK, name(single))
     moved = Edit(EditKind.START, PoleName(single.frequency_hz * 1.002, single.damping_ratio))
