@@ -230,6 +230,8 @@ class ModalModel(ReadonlyArrays):
         Reduced χ² of the fit, 1 for noise alone.
     node, position_deg, axis : ndarray, shape (n_positions,)
         Where the rows are, as in `FRF`.
+    excitation_deg : float
+        Angle of the force; NaN where unknown.
     drift : Drift
         Drift over the runs; the modes are those of the first run's state.
     orders : tuple of OrderReport
@@ -271,6 +273,7 @@ class ModalModel(ReadonlyArrays):
     widened_per_s: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     axis: NDArray[np.int_] = field(default_factory=lambda: np.zeros(0, dtype=int))
+    excitation_deg: float = float("nan")
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:

@@ -333,6 +333,7 @@ def listed(settled: Settled, choice: Choice | None = None) -> ModalModel:
         node=frf.node,
         position_deg=frf.position_deg,
         axis=frf.axis,
+        excitation_deg=frf.excitation_deg,
         drift=settled.drift,
         orders=reports,
         notes=(*settled.notes, *_notes(rows, choice), *choice.notes),
@@ -354,11 +355,8 @@ def _reports(
             continue
         report = each.report
         if own & aside and each.is_resolved:
-            pair = replace(
-                report.pair,
-                verdict=Pair.ONE_SEEN,
-                evidence="the other member was set aside by hand",
-            )
+            evidence = "the other member was set aside by hand"
+            pair = replace(report.pair, verdict=Pair.ONE_SEEN, evidence=evidence)
             report = replace(report, pair=pair)
         reports.append(report)
     return tuple(reports)

@@ -47,6 +47,7 @@ _CAUSE_WITHIN = 1.8
 # The ring's mass follows from a few frequencies: only a gross difference is a matter of units.
 _AMPLITUDE_LIMIT = 3.0
 _LEAST_MASS_STD = 1e-3  # of a modal mass, what virtual campaigns show
+_FORCE_ANGLE_STD = np.deg2rad(0.5)  # of the angle of the force: 3 mm on the tread
 # A mode of order 1 with a share of the ring's drive is that of a rim; the air's is driven far less.
 _RIM_DRIVE = 0.1
 # A wrong unit has to explain the modal masses within this factor.
@@ -250,18 +251,42 @@ def amplitude_finding(
 def modal_mass_kg(modal_model: ModalModel, order: RingOrder) -> tuple[float, float]:
     """Modal mass of an order and its standard deviation, kg; both members of a pair together.
 
-    At an antinode of unit amplitude the residue is A = 1/(2jωm). Of the n positions' errors the
-    coefficient of one order has the share √(2/n).
+    For a unit crest of cos nθ the residue is φ(θ) φ(θ_F) / (2jωm), φ the shape. That of an uneven
+    tyre holds other orders as well: 1 % of the tyre's mass in one spot changes its value at the
+    force by up to a tenth. So φ(θ_F) takes all orders that rise from the noise, which is that of
+    the orders too high for modes of the band. Where the angle of the force is unknown, φ(θ_F) is
+    the crest, and its ± what the other orders may add.
     """
-    position_deg = modal_model.position_deg
-    content = [order_content(mode.residues, position_deg) for mode in order.modes]
-    cosine = sum(each.cosine[order.order] for each in content)
-    sine = sum(each.sine[order.order] for each in content)
-    crest = float(np.sqrt(abs(cosine) ** 2 + abs(sine) ** 2))
-    mass_kg = 1 / (4 * np.pi * order.frequency_hz * crest)
+    n, position_deg = order.order, modal_model.position_deg
+    contents = [order_content(mode.residues, position_deg) for mode in order.modes]
+    waves = np.array([(each.cosine, each.sine) for each in contents]).sum(axis=0)
+    power = np.sum(np.abs(waves) ** 2, axis=0)
+    crest = float(np.sqrt(power[n]))
     squares = [np.nanmean(mode.residues_std**2) for mode in order.modes]
     std = np.sqrt(2 / position_deg.size * np.nansum(squares))
-    return mass_kg, mass_kg * max(float(std) / crest, _LEAST_MASS_STD)
+    high = np.arange(power.size) > max(power.size // 2, n)
+    noise = max(float(np.mean(power[high])) if np.any(high) else 0.0, 2.0 * std**2)
+    weight = np.where(high, 0.0, np.clip(1.0 - noise / np.maximum(power, noise), 0.0, 1.0))
+    weight[n] = 1.0
+    others = np.arange(power.size) != n
+    error_of_others = noise / 2 * np.sum(weight[others] ** 2)
+    if np.isfinite(modal_model.excitation_deg):
+        angle = np.deg2rad(modal_model.excitation_deg)
+        seen, moved = _at(waves * weight, angle), _at(waves * weight, angle + _FORCE_ANGLE_STD)
+        error_of_others += abs(moved - seen) ** 2
+        at_force = abs(seen)
+    else:
+        at_force = crest
+        error_of_others += np.sum((weight * power)[others]) / 2
+    mass_kg = at_force / (4 * np.pi * order.frequency_hz * crest**2)
+    relative = np.hypot(std, np.sqrt(error_of_others)) / crest
+    return mass_kg, mass_kg * max(float(relative), _LEAST_MASS_STD)
+
+
+def _at(waves: NDArray[np.complex128], angle: float) -> complex:
+    """Waves, cosines and sines by order, (2, n_orders), at an angle in radians."""
+    phase = angle * np.arange(waves.shape[1])
+    return complex(np.sum(waves[0] * np.cos(phase) + waves[1] * np.sin(phase)))
 
 
 def rim_frequencies_hz(modal_model: ModalModel) -> tuple[float, ...]:

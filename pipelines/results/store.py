@@ -383,6 +383,7 @@ def _read_model(stored: schema.Stored, frf: FRF, path: Path) -> ModalModel:
         node=frf.node,
         position_deg=frf.position_deg,
         axis=frf.axis,
+        excitation_deg=frf.excitation_deg,
         drift=Drift(**vars(stored.drift)),
         orders=stored.orders,
         exponential_window=stored.exponential_window,
