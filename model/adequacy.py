@@ -57,13 +57,17 @@ def judge_tuning(
         evidence.append(Evidence(Reason.TURNING, detail))
     search = plan_search(problem)
     values, starts = search.run()
-    search, values, starts, found = _without_contradicting_masses(search, values, starts)
-    evidence += found
+    search, values, starts, of_masses = _without_contradicting_masses(search, values, starts)
     all_orders = search, values
     # A wrong unit of the modal masses moves no order: their scale is left open.
     search, values, found = _without_wrong_value(search, values)
     if not found:
         search, values, found = _without_barely_tested(search, values)
+    if of_masses and found:
+        search, values, starts, of_masses = _with_masses_again(
+            search, values, starts, problem, of_masses
+        )
+    evidence += of_masses
     if search.problem.torsion_hz is None:
         all_orders = restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
     whole = replace(search.problem, masses=problem.masses, belt_width_m=None)
@@ -150,6 +154,18 @@ def _without_contradicting_masses(
     ratio = np.exp(-np.median(search.problem.mass_deviations(compared)))
     detail = f"modal masses are {ratio:.3g} times those of the ring (χ² +{rise:.0f}) and not used"
     return alone, found, starts, [Evidence(Reason.MASSES, detail)]
+
+
+def _with_masses_again(
+    search: Search, values: Array, starts: str, before: TuningProblem, doubt: list[Evidence]
+) -> tuple[Search, Array, str, list[Evidence]]:
+    """Take the modal masses back where only an order that is left out contradicted them."""
+    masses = before.masses
+    for order in search.problem.left_out:
+        masses = masses and masses.without(order)
+    whole = plan_search(replace(search.problem, masses=masses))
+    again = _without_contradicting_masses(whole, *whole.run())
+    return (search, values, starts, doubt) if again[-1] else again
 
 
 def _without_wrong_value(search: Search, values: Array) -> tuple[Search, Array, list[Evidence]]:

@@ -1,21 +1,27 @@
-"""An order whose resonance lies beneath that of another one, as order 1 of a rim that moves.
+"""An order whose resonance lies beneath those of other ones, as order 1 of a rim that moves.
 
-A pole that is free at all positions follows what the stronger order's pole leaves of its pair, not
-the weaker order. The weaker order's own FRFs show it: nothing else of that size is in them.
+A pole that is free at all positions follows what a stronger order's pole leaves of its pair, not
+the weaker order, and the stability diagram may show none. The weaker order's own FRFs show it:
+nothing else of that size is in them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
+from numpy.typing import NDArray
 
 from ema.circumference.orders import family, order_basis, order_content
+from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.fitting.mode_pairs import PairSearch
+from ema.fitting.order_pair import OrderDecomposition
 from ema.fitting.pair import PairFit
-from ema.fitting.variable_projection import Real
+from ema.fitting.pole_fit import PoleFit
+from ema.fitting.variable_projection import Complex, Real
 
 # A ring mode of less purity may hide one of another order, damped this much more.
 _IMPURE, _BROADER = 0.985, 1.8
@@ -23,16 +29,51 @@ _IMPURE, _BROADER = 0.985, 1.8
 _CLEARLY = 4.0
 # A pole of its own lies this far from that of the order above it, half-widths and 1 σ, …
 _APART, _APART_STD = 0.2, 4.0
-# … and leaves at most this share of the impurity.
-_LEFT = 0.7
+# … and leaves at most this share of the impurity, or of what was left of its order's FRFs.
+_LEFT, _LEFT_OVER = 0.7, 0.3
 # Fits of the order's own FRFs and of the rest, beside each other; two were enough.
 _ROUNDS = 4
+# A pole of a lower order is missing where the fit leaves this share of what that has around, …
+_UNEXPLAINED = 0.03
+# … this many times the noise, and this share of the power of all orders: an uneven tyre mixes less.
+_OVER_NOISE, _VISIBLE = 100.0, 1e-4
+# Around: so many half-widths of the ring's modes to each side, in which it has no other pole.
+_AROUND = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """An order that may have a pole of its own where another one resounds.
+
+    Parameters
+    ----------
+    order : int
+    above : Mode
+        The ring mode that resounds there.
+    start : complex
+        Where the search for the pole starts, rad/s.
+    left : float
+        Power that the fit leaves of the order's FRFs there; NaN where the mode is impure instead.
+    """
+
+    order: int
+    above: Mode
+    start: complex
+    left: float = float("nan")
 
 
 def suspects(
+    frf: FRF, fit: PoleFit, modes: Sequence[Mode], band_hz: tuple[float, float]
+) -> list[Suspect]:
+    """Orders that may have a pole that the fit lacks, with modes of its poles in the band."""
+    impure = _behind_impure(modes, frf.position_deg, band_hz)
+    return [*_LeftOver(frf, fit, modes, band_hz).suspects(), *impure]
+
+
+def _behind_impure(
     modes: Sequence[Mode], position_deg: Real, band_hz: tuple[float, float]
-) -> Iterator[tuple[Mode, int]]:
-    """Ring modes in the band that may hide another order, and which one."""
+) -> Iterator[Suspect]:
+    """Orders that ring modes may hide, as these are impure."""
     low, high = band_hz
     for found in family(modes).values():
         mode = modes[found[0]]
@@ -41,13 +82,94 @@ def suspects(
             power[[0, mode.order or 0]] = 0.0
             second, third = np.argsort(power)[[-1, -2]].tolist()
             if power[second] > _CLEARLY * power[third]:
-                yield mode, second
+                size = abs(mode.pole)
+                ratio = min(_BROADER * mode.damping_ratio, 0.9)
+                yield Suspect(second, mode, _pole(size, ratio * size))
 
 
-def beneath(mode: Mode) -> complex:
-    """Where the search for a pole beneath that of a mode starts."""
-    size, ratio = abs(mode.pole), min(_BROADER * mode.damping_ratio, 0.9)
-    return complex(size * (-ratio + 1j * np.sqrt(1 - ratio**2)))
+class _LeftOver:
+    """What a fit leaves of each order's FRFs.
+
+    Parameters
+    ----------
+    frf : FRF
+    fit : PoleFit
+    modes : sequence of Mode
+        Of the poles of the fit, with orders.
+    band_hz : tuple of float
+    """
+
+    def __init__(
+        self, frf: FRF, fit: PoleFit, modes: Sequence[Mode], band_hz: tuple[float, float]
+    ) -> None:
+        self.modes, self.hz = modes, fit.lines.frequency_hz
+        self.ring = [modes[found[0]] for found in family(modes).values()]
+        widths = [-mode.pole.real / (2 * np.pi) for mode in self.ring]
+        self.width_hz = float(np.median(widths)) if widths else float("nan")
+        self.inside = (self.hz >= band_hz[0]) & (self.hz <= band_hz[1])
+        self.decomposition = OrderDecomposition(frf)
+        first = int(np.searchsorted(frf.frequency_hz, self.hz[0]))
+        self.lines = slice(first, first + self.hz.size)
+        self.left, self.whole = _left_of(fit), fit.lines.values
+
+    def suspects(self) -> list[Suspect]:
+        """Orders with a resonance that no pole explains, what is left most of first."""
+        if not self.ring:
+            return []
+        orders = range(max(mode.order or 0 for mode in self.ring) + 1)
+        own = {n: self._power(n, self.whole)[0] for n in orders}
+        around, found = self._around(np.sum([*own.values()], axis=0)), []
+        for n in orders:
+            left, noise = self._power(n, self.left)
+            seen = left > np.maximum(_UNEXPLAINED * self._around(own[n]), _VISIBLE * around)
+            seen &= (left > _OVER_NOISE * noise) & self.inside & ~self._resounds(n)
+            if np.any(seen):
+                at = int(np.argmax(np.where(seen, left, 0.0)))
+                omega, width = 2 * np.pi * self.hz[at], _BROADER * 2 * np.pi * self.width_hz
+                above = min(self.ring, key=lambda mode: abs(abs(mode.pole) - omega))
+                if n < (above.order or 0):
+                    found.append(Suspect(n, above, _pole(omega, width), float(left[at])))
+        return sorted(found, key=lambda each: -each.left)
+
+    def at(self, suspect: Suspect) -> float:
+        """What is left around a suspect's resonance."""
+        near = np.abs(self.hz - abs(suspect.start) / (2 * np.pi)) < _AROUND * self.width_hz
+        return float(np.max(self._power(suspect.order, self.left)[0], where=near, initial=0.0))
+
+    def _power(self, order: int, values: Complex) -> tuple[Real, Real]:
+        """Power of an order over noise, and that of the noise, smoothed over a resonance."""
+        seen = self.decomposition.order(order, self.lines, values)
+        noise = np.nan_to_num(np.sum(seen.std**2, axis=0))
+        power = np.sum(np.abs(seen.values) ** 2, axis=0) - noise
+        size = self._size(2.0)
+        smooth = scipy.ndimage.uniform_filter1d
+        return np.maximum(smooth(power, size), 0.0), smooth(noise, size)
+
+    def _around(self, power: Real) -> Real:
+        return np.asarray(scipy.ndimage.maximum_filter1d(power, self._size(2 * _AROUND)))
+
+    def _size(self, widths: float) -> int:
+        step_hz = float(self.hz[1] - self.hz[0])
+        return max(round(widths * self.width_hz / step_hz), 3)
+
+    def _resounds(self, order: int) -> NDArray[np.bool_]:
+        """Lines at which a pole of the order itself resounds."""
+        own = [abs(m.pole) / (2 * np.pi) for m in self.modes if m.order == order]
+        away = np.abs(self.hz[:, None] - np.array([*own, np.inf]))
+        return np.asarray(away.min(axis=1) < _AROUND * self.width_hz)
+
+
+def _left_of(fit: PoleFit) -> Complex:
+    """Residuals of all positions, (n_positions, n_frequencies)."""
+    left = np.zeros(fit.lines.values.shape, dtype=complex)
+    for rows, part in zip(fit.groups, fit.parts, strict=True):
+        real, imaginary = np.split(part.misfit, 2)
+        left[rows] = ((real + 1j * imaginary) / fit.lines.weight[:, None]).T
+    return left
+
+
+def _pole(size: float, decay: float) -> complex:
+    return complex(-decay, np.sqrt(size**2 - decay**2))
 
 
 def of_its_order(mode: Mode, order: int, position_deg: Real) -> Mode:
@@ -61,21 +183,22 @@ def of_its_order(mode: Mode, order: int, position_deg: Real) -> Mode:
 
 
 def pairs_beneath(
-    mode: Mode, order: int, beside: Callable[[complex], PairSearch]
+    suspect: Suspect, beside: Callable[[complex], PairSearch]
 ) -> tuple[PairFit, PairFit] | None:
     """The pair that an order's own FRFs show beneath a mode, and that of the mode's order.
 
     `beside` fits all other poles beside one of that order, the first of all, and gives the search
     for pairs on that fit. None where the FRFs show none.
     """
-    pole, pair = beneath(mode), None
+    pole, pair = suspect.start, None
     for _ in range(_ROUNDS):
         search = beside(pole)
-        pair = _pair_of(search, order, [0])
+        search.resolve(())
+        pair = _pair_of(search, suspect.order, [0])
         if pair is None:
             return None
         pole = pair.mean
-    above = [_pair_of(search, n, found) for n, found in search.main if n == mode.order]
+    above = [_pair_of(search, n, found) for n, found in search.main if n == suspect.above.order]
     return (pair, above[0]) if pair and above and above[0] else None
 
 
@@ -85,27 +208,50 @@ def _pair_of(search: PairSearch, order: int, found: list[int]) -> PairFit | None
     return search.fitted(order, found, search.seen_of(order, found)).pair
 
 
-def is_another(before: Mode, others: Sequence[Mode], pairs: tuple[PairFit, PairFit]) -> bool:
-    """Whether an order has a pair of its own beneath a mode, which is one of `others` with it.
+def is_another(
+    suspect: Suspect,
+    pairs: tuple[PairFit, PairFit],
+    frf: FRF,
+    fit: PoleFit,
+    modes: Sequence[Mode],
+    band_hz: tuple[float, float],
+) -> bool:
+    """Whether an order has a pair of its own beneath a mode, in the fit with its pole, the first.
 
     What sensors or an uneven tyre mix of the mode into the order has the poles of the mode's pair.
     """
-    above = min(others, key=lambda mode: abs(mode.pole - before.pole))
-    pair, (hz_std, ratio_std) = pairs[0], np.sqrt(np.diag(pairs[0].covariance)[4:])
+    before, pair = suspect.above, pairs[0]
+    above = min(modes[1:], key=lambda mode: abs(mode.pole - before.pole))
+    hz_std, ratio_std = np.sqrt(np.diag(pair.covariance)[4:])
     pole, mixed = pair.mean, np.array([above.pole, pairs[1].mean, *pairs[1].poles])
     apart = float(np.min(np.abs(pole - mixed)))
     known = np.hypot(2 * np.pi * hz_std, abs(pole) * ratio_std)
+    if np.isnan(suspect.left):
+        explained = 1 - above.order_purity < _LEFT * (1 - before.order_purity)
+    else:
+        explained = _LeftOver(frf, fit, modes, band_hz).at(suspect) < _LEFT_OVER * suspect.left
     return bool(
         before.order == above.order
-        and 1 - above.order_purity < _LEFT * (1 - before.order_purity)
+        and explained
         and apart > -_APART * above.pole.real
         and apart > _APART_STD * known
     )
 
 
-def note_of(mode: Mode, order: int, pair: PairFit) -> str:
+def note_of(suspect: Suspect, pair: PairFit) -> str:
     """What was found, for the notes of the result."""
     return (
-        f"Order {order} has a resonance at {abs(pair.mean) / (2 * np.pi):.1f} Hz beneath that of "
-        f"order {mode.order}: its pole is taken from the FRFs of order {order} alone."
+        f"Order {suspect.order} has a resonance at {abs(pair.mean) / (2 * np.pi):.1f} Hz beneath "
+        f"that of order {suspect.above.order}: its pole is taken from the FRFs of order "
+        f"{suspect.order} alone."
     )
+
+
+def doubt_of(suspect: Suspect) -> Iterator[str]:
+    """What remains, for the notes of the result."""
+    if np.isfinite(suspect.left):
+        yield (
+            f"No mode explains what order {suspect.order} does around "
+            f"{abs(suspect.start) / (2 * np.pi):.0f} Hz: one of a rim, of the air or sideways may "
+            f"be missing beneath order {suspect.above.order}."
+        )

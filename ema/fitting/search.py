@@ -15,6 +15,7 @@ from ema.core.frf import FRF
 from ema.core.modes import Mode
 from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
+from ema.fitting import hidden_order
 from ema.fitting.covariance import band_shift, line_correlation
 from ema.fitting.evidence import (
     at_mean_of_positions,
@@ -33,7 +34,6 @@ from ema.fitting.fit_steps import (
     modes_of,
     without_leakage,
 )
-from ema.fitting.hidden_order import is_another, note_of, of_its_order, pairs_beneath, suspects
 from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch
 from ema.fitting.order_pair import RingOrder, poles_shown
@@ -68,10 +68,9 @@ _MAKES_UP = 0.8
 _AROUND = 4.0
 # Rounds in which poles that hardly show are dropped; more than five were never needed.
 _MOST_DROPS = 8
-# Rounds in which states of the runs and pairs are found from each other.
-_STATE_ROUNDS = 2
-# Rounds after which the poles of the orders have settled; more than two were never needed.
-_ROUNDS = 4
+# Rounds in which states of the runs and pairs are found from each other, and after which the poles
+# of the orders have settled; more than two were never needed.
+_STATE_ROUNDS, _ROUNDS = 2, 4
 
 
 @one_blas_thread
@@ -120,8 +119,7 @@ class CurveFit:
     ring : tuple of RingOrder
         Pairs of the ring, order by order.
     locked : mapping of int to ndarray
-        Poles that stay where they are, with the covariance of frequency and damping ratio that was
-        stated with them.
+        Poles that stay where they are, with the covariance of frequency and damping ratio stated.
     order_of : mapping of int to int
         Orders of poles that a person gave them.
     held : mapping of int to int
@@ -308,17 +306,19 @@ class CurveFit:
 
         def beside(pole: complex) -> PairSearch:
             self._refit(np.insert(before.poles, 0, pole))
-            search = self.pair_search()
-            search.resolve(())
-            return search
+            return self.pair_search()
 
-        for mode, order in suspects(self.labelled(before), self.frf.position_deg, self.band_hz):
-            self.held = {0: order}
-            pairs = pairs_beneath(mode, order, beside)
-            if pairs and is_another(mode, self.labelled(self.fit)[1:], pairs):
-                self.notes.append(note_of(mode, order, pairs[0]))
+        for suspect in hidden_order.suspects(*self._seen(before)):
+            self.held = {0: suspect.order}
+            pairs = hidden_order.pairs_beneath(suspect, beside)
+            if pairs and hidden_order.is_another(suspect, pairs, *self._seen(self.fit)):
+                self.notes.append(hidden_order.note_of(suspect, pairs[0]))
                 return
             self.fit, self.centre, self.held = before, centre, {}
+            self.notes += hidden_order.doubt_of(suspect)
+
+    def _seen(self, fit: PoleFit) -> tuple[FRF, PoleFit, tuple[Mode, ...], tuple[float, float]]:
+        return self.frf, fit, self.labelled(fit), self.band_hz
 
     @property
     def _shifts(self) -> Real:
@@ -343,7 +343,7 @@ class CurveFit:
         for pole, order in self.order_of.items():
             modes[pole] = of_order(modes[pole], order, self.frf.position_deg)
         for pole, order in self.held.items():
-            modes[pole] = of_its_order(modes[pole], order, self.frf.position_deg)
+            modes[pole] = hidden_order.of_its_order(modes[pole], order, self.frf.position_deg)
         return tuple(modes)
 
     @cached_property

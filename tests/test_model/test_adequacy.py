@@ -239,6 +239,18 @@ def test_modal_masses_that_contradict_the_frequencies_are_not_used():
     assert asdict(result.ring) == pytest.approx(asdict(plain.ring), rel=1e-9)
 
 
+@pytest.mark.parametrize("share", [0.85, 0.9, 1.1])
+def test_modal_masses_are_used_where_only_one_wrong_order_contradicts_them(share):
+    """A soft rim moves order 1: the ring of all orders has another mass."""
+    hz = TRUTH_HZ * np.where(ORDERS == 1, share, 1.0)
+    masses = {"modal_mass_kg": MASSES_KG * (1 + 0.01 * (ORDERS == 1)), "belt_width_m": 0.19}
+    found = tuned(hz, modal_mass_std_kg=0.001 * MASSES_KG, **masses)
+    assert 1 not in found.verdict.orders_used
+    assert Reason.MASSES not in {each.reason for each in found.verdict.evidence}
+    assert found.ring.mass_per_area_kg_m2 == pytest.approx(RING.mass_per_area_kg_m2, rel=0.02)
+    assert found.std["mass_per_area_kg_m2"] < 0.04 * found.ring.mass_per_area_kg_m2
+
+
 @pytest.mark.parametrize("load", ["dead", "follower"])
 def test_a_measured_torsion_is_met(load):
     frequencies_hz = SCATTER * natural_frequencies_hz(RING, ORDERS, pressure_load="follower")
