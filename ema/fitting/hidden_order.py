@@ -33,8 +33,9 @@ _APART, _APART_STD = 0.2, 4.0
 _LEFT, _LEFT_OVER = 0.7, 0.3
 # Fits of the order's own FRFs and of the rest, beside each other; two were enough.
 _ROUNDS = 4
-# A pole of a lower order is missing where the fit leaves this share of what that has around, …
-_UNEXPLAINED = 0.03
+# A pole of a lower order, not the next one, which drift and unevenness mix most, or of order 1 is
+# missing where the fit leaves this share of what the order has around, …
+_UNEXPLAINED = 0.02
 # … this many times the noise, and this share of the power of all orders: an uneven tyre mixes less.
 _OVER_NOISE, _VISIBLE = 100.0, 1e-4
 # Around: so many half-widths of the ring's modes to each side, in which it has no other pole.
@@ -127,7 +128,7 @@ class _LeftOver:
                 at = int(np.argmax(np.where(seen, left, 0.0)))
                 omega, width = 2 * np.pi * self.hz[at], _BROADER * 2 * np.pi * self.width_hz
                 above = min(self.ring, key=lambda mode: abs(abs(mode.pole) - omega))
-                if n < (above.order or 0):
+                if n <= 1 < (above.order or 0) or n + 1 < (above.order or 0):
                     found.append(Suspect(n, above, _pole(omega, width), float(left[at])))
         return sorted(found, key=lambda each: -each.left)
 

@@ -283,7 +283,7 @@ def _ring_findings(
     """Whether ring and amplitudes are plausible, the most likely cause of a doubt first."""
     identified = tuning.how["mass_per_area_kg_m2"] == IDENTIFIED
     mass = tuning.ring.mass_per_area_kg_m2 if identified else None
-    plausible = plausibility_finding(orders, mass)
+    plausible = plausibility_finding(orders, mass, tuning.ring.mean_radius_m)
     doubted = plausible is not None and not plausible.is_ok
     amplitude = amplitude_finding(modal_model, orders, tuning.ring, ring_is_doubted=doubted)
     return [*([plausible] if plausible else []), *amplitude, *verdict_findings(tuning.verdict)]

@@ -8,7 +8,7 @@ multiplies ρh by q and leaves frequencies as they are. Modal masses depend on n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ _MOST_NAMED = 3  # warnings in the message of a strict run
 # and mass of belt and tread per area (car tyres 12 to 25 kg/m², the same; truck tyres up to 50).
 _ORDER_1_HZ = (40.0, 130.0)
 _KG_M2 = (7.0, 60.0)
+# A large tyre, of a truck or tractor by its belt radius, may be slower.
+_LARGE_FROM_M, _LARGE_FROM_HZ = 0.42, 25.0
 # Common errors of sampling rates, as factors: half or double (complex or real samples, Nyquist
 # limit given as rate), decades, decimation, two common rates of acquisition hardware.
 _RATE_FACTORS = (2.0, 0.5, 2.56, 1 / 2.56, 10.0, 0.1, 4.0, 0.25, 51.2 / 48, 1e3, 1e-3)
@@ -141,14 +143,14 @@ _USUAL_HZ, _USUAL_KG_M2 = 80.0, 18.0
 
 
 def plausibility_finding(
-    orders: Sequence[RingOrder], mass_per_area_kg_m2: float | None
+    orders: Sequence[RingOrder], mass_per_area_kg_m2: float | None, mean_radius_m: float = 0.0
 ) -> Finding | None:
     """Compare the lowest ring mode and the tuned mass with those of tyres on a fixed rim.
 
     The mass per area is None if it was given or not determined; without both there is no finding.
     """
     first_hz = next((order.frequency_hz for order in orders if order.order == 1), None)
-    seen = _Tyre(first_hz, mass_per_area_kg_m2)
+    seen = _Tyre(first_hz, mass_per_area_kg_m2, mean_radius_m)
     if first_hz is None and mass_per_area_kg_m2 is None:
         return None
     if seen.is_usual:
@@ -165,16 +167,24 @@ class _Tyre:
 
     first_hz: float | None
     mass: float | None
+    radius_m: float = 0.0
 
     def scaled(self, *, rate: float = 1.0, pressure: float = 1.0) -> _Tyre:
         """Values with a rate and a pressure divided by these factors."""
         first_hz = None if self.first_hz is None else self.first_hz / rate
-        return _Tyre(first_hz, None if self.mass is None else self.mass * rate**2 / pressure)
+        mass = None if self.mass is None else self.mass * rate**2 / pressure
+        return replace(self, first_hz=first_hz, mass=mass)
 
     @property
     def is_usual(self) -> bool:
-        known = ((self.first_hz, _ORDER_1_HZ), (self.mass, _KG_M2))
+        known = ((self.first_hz, self.usual_hz), (self.mass, _KG_M2))
         return all(value is None or low <= value <= high for value, (low, high) in known)
+
+    @property
+    def usual_hz(self) -> tuple[float, float]:
+        """Order 1 of tyres of this size."""
+        low, high = _ORDER_1_HZ
+        return (_LARGE_FROM_HZ if self.radius_m >= _LARGE_FROM_M else low), high
 
     @property
     def distance(self) -> float:
@@ -187,7 +197,7 @@ class _Tyre:
         self, hz: str = "order 1 at {0:.4g} Hz", mass: str = "a mass per area of {0:.3g} kg/m²"
     ) -> str:
         """Known values, or their limits, in words."""
-        known = ((hz, self.first_hz, _ORDER_1_HZ), (mass, self.mass, _KG_M2))
+        known = ((hz, self.first_hz, self.usual_hz), (mass, self.mass, _KG_M2))
         return " and ".join(
             words.format(value, *limits) for words, value, limits in known if value is not None
         )

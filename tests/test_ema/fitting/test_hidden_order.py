@@ -42,6 +42,15 @@ def test_an_order_beneath_another_is_found_by_its_own_frfs(hz, ratio):
     assert above.order_purity > 0.98
 
 
+@pytest.mark.parametrize(("share", "hz", "ratio"), [(0.05, 127.0, 0.045), (0.1, 125.0, 0.05)])
+def test_a_weak_mode_of_a_lower_order_is_found_by_the_frfs_of_that_order(share, hz, ratio):
+    """It lies beneath order 3, which is half as broad; no pole of the diagram shows it."""
+    *_, found = modes_with_a_wave_of_order_1(share, hz, ratio, truth_modes(split_percent=0.5))
+    assert found.order == 1
+    assert found.frequency_hz == pytest.approx(hz, abs=min(0.3, 3 * found.frequency_std_hz))
+    assert found.damping_ratio == pytest.approx(ratio, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("split_percent", "member", "share"), [(1.0, 1, 0.35), (3.0, 0, 0.2), (0.5, 1, 0.35)]
 )

@@ -27,6 +27,12 @@ def test_tyres_raise_no_doubt(mass):
     assert plausibility_finding(orders_of_a_tyre(1.0), mass).verdict == Verdict.OK
 
 
+def test_a_truck_tyre_may_be_slower_than_a_car_tyre():
+    slow = orders_of_a_tyre(0.4)
+    assert plausibility_finding(slow, 35.7, 0.5).verdict == Verdict.OK
+    assert plausibility_finding(slow, 35.7, 0.33).verdict == Verdict.WARNING
+
+
 @pytest.mark.parametrize("factor", [2.0, 0.5, 4.0, 0.25, 10.0, 0.1, 2.56, 1000.0])
 def test_a_wrong_rate_is_the_first_cause_that_is_named(factor):
     found = plausibility_finding(orders_of_a_tyre(factor), 19.7 / factor**2)
