@@ -117,7 +117,7 @@ class _LeftOver:
         """Orders with a resonance that no pole explains, what is left most of first."""
         if not self.ring:
             return []
-        orders = range(max(mode.order or 0 for mode in self.ring) + 1)
+        orders = range(1, max(mode.order or 0 for mode in self.ring) + 1)
         own = {n: self._power(n, self.whole)[0] for n in orders}
         around, found = self._around(np.sum([*own.values()], axis=0)), []
         for n in orders:

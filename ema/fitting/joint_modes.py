@@ -24,7 +24,7 @@ from ema.fitting.evidence import each_once, no_clear_peaks
 from ema.fitting.fit_steps import is_undetermined, modes_of
 from ema.fitting.joint_poles import JointLines, JointPoint, OfForce
 from ema.fitting.listing import Row, Settled
-from ema.fitting.mode_pairs import in_one_state
+from ema.fitting.order_pair import in_one_state
 from ema.fitting.pole_fit import N_STAND_INS, Lines, PoleFit, evaluate
 from ema.fitting.search import NO_SHIFT, CurveFit
 from ema.fitting.variable_projection import Complex, Real, project

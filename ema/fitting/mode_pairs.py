@@ -13,8 +13,15 @@ from ema.core.frf import FRF
 from ema.core.modes import Mode, synthesise
 from ema.core.numerics import towards_fixed_point
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
-from ema.fitting.order_pair import OrderDecomposition, RingOrder, Seen, fit_pair, pair_problem
-from ema.fitting.pair import PairFit, order_report
+from ema.fitting.order_pair import (
+    OrderDecomposition,
+    RingOrder,
+    Seen,
+    fit_pair,
+    in_one_state,
+    pair_problem,
+)
+from ema.fitting.pair import PairFit, are_two_modes, order_report, two_modes
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
 from ema.fitting.ring_pair import Known
 from ema.fitting.variable_projection import Complex, Real, numbers_of
@@ -26,6 +33,8 @@ from ema.signals.leakage import has_leakage, leakage_bias
 _FORCE_STD_DEG = 0.5
 # … and not known at all where most orders point elsewhere by more than this, in rad.
 _ELSEWHERE_RAD, _UNKNOWN_RAD = 0.5, 0.3
+# A pair of its own is not told within this share of the frequency of another one of its order.
+_BESIDE = 0.15
 # Sensors mix of one order into another so many times what is the median of all.
 _MIXED = 3.0
 # … and an uneven tyre no more than this share of a mode into the order of one close by.
@@ -242,10 +251,22 @@ class PairSearch:
         """The pair of one order."""
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, seen.start, seen.known)
         pair = None if pair is None else self.in_first_state(pair, seen.start)
+        is_main = (order, found) in self.main
+        apart = pair is not None and are_two_modes(pair, is_main=is_main)
+        if apart or (not is_main and self._is_beside_its_order(order, found)):
+            return RingOrder(order, tuple(found), None, two_modes(order), seen, is_main)
         hz = abs(seen.start) / (2 * np.pi)
         unknown = np.hypot(self.drift.std_of_mean[0], self.drift.unsteadiness(hz)[0])
         report = order_report(order, pair, self.settings, float(hz * unknown))
-        return RingOrder(order, tuple(found), pair, report, seen, (order, found) in self.main)
+        return RingOrder(order, tuple(found), pair, report, seen, is_main)
+
+    def _is_beside_its_order(self, order: int, found: list[int]) -> bool:
+        """Whether a further resonance shares its lines with another one of its order."""
+        size = np.abs(self.middle.poles)
+        return any(
+            n == order and other != found and abs(size[other[0]] / size[found[0]] - 1) < _BESIDE
+            for n, other in self.orders
+        )
 
     def _again(self, before: RingOrder, is_near: bool) -> RingOrder:
         """The same order beside pairs that are known, perhaps near where its pair was."""
@@ -411,23 +432,6 @@ def _force_deg(directions: dict[int, float], excitation_deg: float) -> float | N
     found_deg = excitation_deg + (off_deg if abs(off_deg) > 3 * _FORCE_STD_DEG else 0.0)
     known = np.median(np.abs(away_rad(found_deg))) < _ELSEWHERE_RAD
     return found_deg if known else None
-
-
-def in_one_state(fit: PoleFit, poles: Complex) -> Complex:
-    """FRFs of all runs in the state that has these poles: less their own fit, plus that one's.
-
-    In the middle between the runs, what the fit leaves of a pair is in that state too.
-    """
-    values = np.array(fit.lines.values)
-    terms = fit.lower, fit.upper
-    residues, lines = fit.residues, fit.lines
-    for rows, drift in zip(fit.groups, fit.drift, strict=True):
-        own, wanted = (
-            synthesise(lines.frequency_hz, each, residues[rows], *(t[rows] for t in terms))
-            for each in (lines.drifted(fit.poles, drift), poles)
-        )
-        values[rows] += wanted - own
-    return values
 
 
 def _sizes(fit: PoleFit) -> Real:

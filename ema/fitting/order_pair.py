@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ema.circumference.orders import PURE, circle_basis, highest_order, order_content
 from ema.core.frf import FRF
-from ema.core.modes import OrderReport, Pair
+from ema.core.modes import OrderReport, Pair, synthesise
 from ema.core.settings import IdentificationSettings
 from ema.fitting.pair import PairFit, joint_report, one_row, order_report, reported
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit
@@ -193,7 +193,7 @@ class RingOrder:
     @property
     def one_row(self) -> int | None:
         """The member that one row stands for, where members are not listed; None for the mean."""
-        alone = self.is_main and not (self.jointly or self.is_resolved)
+        alone = not (self.jointly or self.is_resolved)
         return one_row(self.pair) if alone and self.pair else None
 
     def shows_two(self, settings: IdentificationSettings) -> bool:
@@ -228,6 +228,23 @@ class RingOrder:
         assert self.pair is not None
         angle = self.order * np.deg2rad(position_deg) - self.seen.force_rad
         return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=1) @ self.pair.residues.T)
+
+
+def in_one_state(fit: PoleFit, poles: Complex) -> Complex:
+    """FRFs of all runs in the state that has these poles: less their own fit, plus that one's.
+
+    In the middle between the runs, what the fit leaves of a pair is in that state too.
+    """
+    values = np.array(fit.lines.values)
+    terms = fit.lower, fit.upper
+    residues, lines = fit.residues, fit.lines
+    for rows, drift in zip(fit.groups, fit.drift, strict=True):
+        own, wanted = (
+            synthesise(lines.frequency_hz, each, residues[rows], *(t[rows] for t in terms))
+            for each in (lines.drifted(fit.poles, drift), poles)
+        )
+        values[rows] += wanted - own
+    return values
 
 
 def pair_problem(

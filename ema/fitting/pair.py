@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ema.circumference.orders import PAIR_REACH
 from ema.core.modes import OrderReport, Pair, PairVerdict
 from ema.core.settings import IDENTIFICATION, IdentificationSettings
 from ema.fitting.variable_projection import numbers_of
@@ -19,6 +20,10 @@ _DRIFTS = 0.1
 _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
+# Members farther apart than those of tyres are two modes, as of a rim that moves in two directions,
+# if both have this share: less is seen of a member that is hardly there, at any frequency. Beside
+# the resonance of the ring itself, as for a rim, a third of that reach is told from two modes.
+_OF_TWO_MODES, _BESIDE_RING = 0.05, 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +109,19 @@ def order_report(
         verdict = Pair.NOT_SEPARABLE
         text = f"one pole explains the order; a second is not significant (p = {pair.chance:.2g})"
     return reported(PairVerdict(order, verdict, pair.chance, text), pair)
+
+
+def are_two_modes(pair: PairFit, *, is_main: bool) -> bool:
+    """Whether the members are too far apart for one modal mass and two directions 90°/n apart."""
+    lower, upper = pair.numbers[[0, 2]]
+    reach = PAIR_REACH if is_main else _BESIDE_RING * PAIR_REACH
+    return bool(upper > (1 + reach) * lower and min(pair.share) > _OF_TWO_MODES)
+
+
+def two_modes(order: int) -> OrderReport:
+    """Report on an order with two modes."""
+    text = "its resonances are too far apart for a pair, as where the rim moves"
+    return OrderReport(PairVerdict(order, Pair.ONE_SEEN, float("nan"), text))
 
 
 def one_row(pair: PairFit, settings: IdentificationSettings = IDENTIFICATION) -> int | None:
