@@ -39,7 +39,7 @@ from ema.fitting.fit_steps import (
 )
 from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.order_pair import RingOrder, with_curvature
-from ema.fitting.own_lines import on_own_lines
+from ema.fitting.own_lines import note_of_coarse_lines, on_own_lines, with_coarse_lines
 from ema.fitting.pair import PairFit
 from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.run_states import with_states
@@ -213,11 +213,13 @@ def settled(curve: CurveFit) -> Settled:
         between = np.hypot(between, shift_beside(modes, beside))
     modes = [replace(mode, residues=own) for mode, own in zip(modes, shown.residues.T, strict=True)]
     seen = rows_of(modes, owner, both, between, mixed, drift, frf.position_deg, curve.settings)
+    seen = [with_coarse_lines(*each, frf) for each in seen]
     for r in fit.locked:
         seen[r] = as_stated(modes[r], curve.locked[place[r]])
     judged_by = [rows[0] for rows, _ in seen] if curve.circle else modes
     in_band, doubts = _doubts(curve, judged_by, as_fitted, beside, owner)
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
+    coarse = note_of_coarse_lines(frf, fit.poles[sorted(in_band)])
     return Settled(
         frf=frf,
         fit=shown,
@@ -232,7 +234,7 @@ def settled(curve: CurveFit) -> Settled:
         drift=drift,
         values=curve.fit.lines.values,
         misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
-        notes=(*curve.leakage_notes, *curve.notes),
+        notes=(*curve.leakage_notes, *curve.notes, *coarse),
         locked=frozenset(curve.locked),
     )
 

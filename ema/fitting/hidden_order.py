@@ -38,6 +38,8 @@ _ROUNDS = 4
 _UNEXPLAINED = 0.02
 # … this many times the noise, and this share of the power of all orders: an uneven tyre mixes less.
 _OVER_NOISE, _VISIBLE = 100.0, 1e-4
+# Runs with this share of a wave in common show one order as another.
+_CONVERTED = 0.3
 # Around: so many half-widths of the ring's modes to each side, in which it has no other pole.
 _AROUND = 4.0
 
@@ -112,6 +114,7 @@ class _LeftOver:
         first = int(np.searchsorted(frf.frequency_hz, self.hz[0]))
         self.lines = slice(first, first + self.hz.size)
         self.left, self.whole = _left_of(fit), fit.lines.values
+        self.angles = [np.deg2rad(frf.position_deg[rows]) for rows in fit.groups]
 
     def suspects(self) -> list[Suspect]:
         """Orders with a resonance that no pole explains, what is left most of first."""
@@ -128,9 +131,21 @@ class _LeftOver:
                 at = int(np.argmax(np.where(seen, left, 0.0)))
                 omega, width = 2 * np.pi * self.hz[at], _BROADER * 2 * np.pi * self.width_hz
                 above = min(self.ring, key=lambda mode: abs(abs(mode.pole) - omega))
-                if n <= 1 < (above.order or 0) or n + 1 < (above.order or 0):
+                order = above.order or 0
+                if n < order and (n == 1 or n + 1 < order) and not self._converted(n, order):
                     found.append(Suspect(n, above, _pole(omega, width), float(left[at])))
         return sorted(found, key=lambda each: -each.left)
+
+    def _converted(self, order: int, above: int) -> bool:
+        """Whether runs in different states would show one order as another one.
+
+        Twelve sensors all around the circle see order 7 as order 5.
+        """
+        if len(self.angles) < 2:
+            return False
+        waves = np.array([[above - order], [above + order]])
+        alike = [np.abs(np.mean(np.exp(1j * waves * angles), axis=1)) for angles in self.angles]
+        return bool(np.max(alike) > _CONVERTED)
 
     def at(self, suspect: Suspect) -> float:
         """What is left around a suspect's resonance."""
@@ -206,7 +221,7 @@ def pairs_beneath(
 def _pair_of(search: PairSearch, order: int, found: list[int]) -> PairFit | None:
     if found[0] not in search.directions:
         return None
-    return search.fitted(order, found, search.seen_of(order, found)).pair
+    return search.pair_in(search.seen_of(order, found))
 
 
 def is_another(

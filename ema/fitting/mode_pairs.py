@@ -247,12 +247,16 @@ class PairSearch:
         size = min(self.mixed[k] * max(nearer, 1.0), _MOST_MIXED * _sizes(self.middle)[k])
         return float(max(size, self.mixed[k]))
 
-    def fitted(self, order: int, found: list[int], seen: Seen) -> RingOrder:
-        """The pair of one order."""
+    def pair_in(self, seen: Seen) -> PairFit | None:
+        """The pair of one order, whatever it may be."""
         pair = fit_pair(seen.frequency_hz, seen.values, seen.std, seen.start, seen.known)
-        pair = None if pair is None else self.in_first_state(pair, seen.start)
+        return None if pair is None else self.in_first_state(pair, seen.start)
+
+    def fitted(self, order: int, found: list[int], seen: Seen) -> RingOrder:
+        """The pair of one order, or its one mode, and the verdict on it."""
+        pair = self.pair_in(seen)
         is_main = (order, found) in self.main
-        apart = pair is not None and are_two_modes(pair, is_main=is_main)
+        apart = pair is not None and are_two_modes(pair)
         if apart or (not is_main and self._is_beside_its_order(order, found)):
             return RingOrder(order, tuple(found), None, two_modes(order), seen, is_main)
         hz = abs(seen.start) / (2 * np.pi)

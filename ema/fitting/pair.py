@@ -21,9 +21,8 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 # Members farther apart than those of tyres are two modes, as of a rim that moves in two directions,
-# if both have this share: less is seen of a member that is hardly there, at any frequency. Beside
-# the resonance of the ring itself, as for a rim, a third of that reach is told from two modes.
-_OF_TWO_MODES, _BESIDE_RING = 0.05, 1 / 3
+# if both have this share: less is seen of a member that is hardly there, at any frequency.
+_OF_TWO_MODES = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +110,10 @@ def order_report(
     return reported(PairVerdict(order, verdict, pair.chance, text), pair)
 
 
-def are_two_modes(pair: PairFit, *, is_main: bool) -> bool:
+def are_two_modes(pair: PairFit) -> bool:
     """Whether the members are too far apart for one modal mass and two directions 90°/n apart."""
     lower, upper = pair.numbers[[0, 2]]
-    reach = PAIR_REACH if is_main else _BESIDE_RING * PAIR_REACH
-    return bool(upper > (1 + reach) * lower and min(pair.share) > _OF_TWO_MODES)
+    return bool(upper > (1 + PAIR_REACH) * lower and min(pair.share) > _OF_TWO_MODES)
 
 
 def two_modes(order: int) -> OrderReport:

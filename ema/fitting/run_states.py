@@ -199,7 +199,8 @@ class _Shifts:
         """State of each run beside their mean, (n_runs, 4), and the covariance of all numbers.
 
         What does not vary from run to run, as far as all runs together tell, is drawn to zero: how
-        much each number varies is found along with it (empirical Bayes, MacKay 1992).
+        much each number varies is found along with it (empirical Bayes, MacKay 1992). That is known
+        to √(2/(n − 1)) of the variance which a run alone leaves open; the covariance allows for it.
         """
         n_runs, n_shifts = self.away.shape
         design, varies = self._design(n_runs), _VARIES[self.numbers]
@@ -209,6 +210,11 @@ class _Shifts:
             inner = inner[n_shifts:, n_shifts:]
             variance = np.diag(inner).reshape(n_runs, -1)
             varies = np.maximum(np.sqrt(np.mean(own**2 + variance, axis=0)), _LEAST_VARIES)
+        told = [np.linalg.inv(self.law.T @ np.linalg.solve(each, self.law)) for each in spread]
+        alone = np.mean([np.diag(each) for each in told], axis=0)
+        allowed = np.sqrt(varies**2 + np.sqrt(2 / max(n_runs - 1, 1)) * alone)
+        inner = _least_squares(design, self.away, spread, np.tile(allowed, n_runs))[1]
+        inner = inner[n_shifts:, n_shifts:]
         states = np.zeros((n_runs, N_DRIFT))
         states[:, self.numbers] = own
         at = np.ravel(N_DRIFT * np.arange(n_runs)[:, None] + self.numbers)

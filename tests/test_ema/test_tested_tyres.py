@@ -70,6 +70,21 @@ def test_order_1_is_found_beneath_order_3_where_no_pole_of_the_diagram_shows_it(
     assert abs(mode.frequency_hz - upper.frequency_hz) < 3 * mode.frequency_std_hz
 
 
+@pytest.mark.parametrize(("seed", "rim_hz"), [(3, (57.0, 139.0)), (6, (50.0, 109.0))])
+def test_a_rim_that_moves_differently_along_x_and_z_is_no_pair(seed, rim_hz):
+    """Between the axes the force drives both; a pair's one modal mass would invent partners."""
+    laboratory, found = laboratory_and_modes(
+        (25.0, 90.0), seed=seed, rim_hz=rim_hz, force_deg=30.0, splice=0.005, snr_db=45.0
+    )
+    both = [mode for mode in driven(laboratory, 1) if 25 < mode.frequency_hz < 90][:2]
+    rows = sorted((m for m in found.model.modes if m.order == 1), key=lambda m: m.frequency_hz)
+    assert len(rows) == 2
+    for row, true in zip(rows, sorted(both, key=lambda mode: mode.frequency_hz), strict=True):
+        assert abs(row.frequency_hz - true.frequency_hz) < 3 * row.frequency_std_hz
+        assert abs(row.damping_ratio - true.damping_ratio) < 3 * row.damping_std
+        assert row.frequency_hz == pytest.approx(true.frequency_hz, rel=1e-3)
+
+
 def test_order_2_holds_more_of_a_mode_close_by_than_of_others():
     """The rim's order 1, 3 Hz below, has 7 % of order 2: its members were off by 3.8 σ."""
     laboratory, found = laboratory_and_modes(

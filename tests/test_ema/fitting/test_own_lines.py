@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import ema
-from ema.fitting.own_lines import on_own_lines
+from ema.core.modes import Flag, Mode
+from ema.fitting.own_lines import note_of_coarse_lines, on_own_lines, with_coarse_lines
 from ema.fitting.pole_fit import N_DRIFT, evaluate, lines_to_fit, with_stand_ins
 
 BANDS_HZ = [(500.0, 800.0), (640.0, 700.0), (300.0, 1200.0), (550.0, 1800.0)]
@@ -93,3 +94,23 @@ def test_lines_farther_apart_than_the_half_width_leave_a_tenth_of_it_open():
     _, std = on_own_lines(fit, np.array([0]), 1.0)
     assert std[0, 0] == pytest.approx(0.06, rel=0.1)
     assert std[0, 1] == pytest.approx(0.001, rel=0.1)
+
+
+def test_damping_of_modes_narrower_than_the_lines_is_less_certain(short_campaign):
+    """Leakage is compensated; what that leaves open grows with the distance of the lines."""
+    frf = ema.estimate_frf(ema.read_campaign(short_campaign))
+    step_hz, hz = float(frf.frequency_hz[1] - frf.frequency_hz[0]), 150.0
+
+    def relative_std(half_widths_hz, *flags):
+        ratio = half_widths_hz / hz
+        mode = Mode(pole_of(hz, ratio), 0.001, 1e-6 * ratio, np.ones(2), np.zeros(2), flags=flags)
+        (wider,), covariance = with_coarse_lines([mode], np.zeros((2, 2)), frf)
+        assert covariance[1, 1] == pytest.approx(wider.damping_std**2, rel=0.01)
+        return wider.damping_std / ratio
+
+    assert relative_std(10 * step_hz) < 3e-4
+    assert relative_std(step_hz) == pytest.approx(16 * relative_std(4 * step_hz), rel=0.01)
+    assert relative_std(10 * step_hz, Flag.AT_BOUND) > 0.5
+    narrow = 2 * np.pi * np.array([complex(-0.5 * step_hz, hz), complex(-2 * step_hz, hz)])
+    assert len([*note_of_coarse_lines(frf, narrow)]) == 1
+    assert not [*note_of_coarse_lines(frf, narrow[1:])]
