@@ -59,6 +59,8 @@ EFFECTS: dict[str, dict[str, Any]] = {
     "4 g sensors, not declared": {"sensor_mass_kg": 0.004, "declare_mass": False},
     "10 g live mass": {"live_mass_kg": 0.01},
     "rim on its fixture": {"rim_hz": (42.0, 60.0)},
+    "rim on a stiff fixture": {"rim_hz": (80.0, 65.0)},
+    "rim, force between its axes": {"rim_hz": (57.0, 139.0), "force_deg": 30.0},
     "lateral modes and cavity": {"lateral_hz": (48.0, 131.0), "cavity_coupling": 0.1},
     "pressure +0.5 %": {"pressure_drift": 0.005},
     "pressure +2 %": {"pressure_drift": 0.02},
@@ -147,6 +149,10 @@ def random_options(seed: int) -> dict[str, Any]:
         "hum": maybe(0.5, random.uniform(0, 0.1)),
         "bits": int(random.choice([12, 16, 24])),
     }
+    fixture = np.random.default_rng([seed, 100])
+    if drawn["rim_hz"] and fixture.uniform() < 0.5:  # stiffer, and driven between its axes
+        drawn["rim_hz"] = (fixture.uniform(35, 150), fixture.uniform(35, 150))
+        drawn["force_deg"] = float(fixture.choice([0.0, 15.0, 30.0, 45.0]))
     return drawn | ({"shaker": False} if drawn["excitation"] == "hammer" else {})
 
 
