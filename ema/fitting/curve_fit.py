@@ -7,7 +7,7 @@ if it is clearly the nearest; everything else is an error that lists what is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ema.circumference.orders import label_modes
 from ema.core.drift import Drift
 from ema.core.edits import OF_POLES, Edit, EditKind, PoleName, of_kind
 from ema.core.errors import FitError
@@ -37,6 +38,7 @@ from ema.fitting.fit_steps import (
     shift_beside,
     std_of_unseen_pairs,
 )
+from ema.fitting.hidden_order import doubts_of
 from ema.fitting.listing import Choice, Key, Row, Settled
 from ema.fitting.order_pair import RingOrder, with_curvature
 from ema.fitting.own_lines import note_of_coarse_lines, on_own_lines, with_coarse_lines
@@ -219,7 +221,6 @@ def settled(curve: CurveFit) -> Settled:
     judged_by = [rows[0] for rows, _ in seen] if curve.circle else modes
     in_band, doubts = _doubts(curve, judged_by, as_fitted, beside, owner)
     ascending = [int(r) for r in np.argsort(np.abs(fit.poles))]
-    coarse = note_of_coarse_lines(frf, fit.poles[sorted(in_band)])
     return Settled(
         frf=frf,
         fit=shown,
@@ -234,9 +235,20 @@ def settled(curve: CurveFit) -> Settled:
         drift=drift,
         values=curve.fit.lines.values,
         misfit=misfit if np.all(np.isfinite(frf.std)) else float("nan"),
-        notes=(*curve.leakage_notes, *curve.notes, *coarse),
+        notes=(*curve.leakage_notes, *_notes(curve, shown, modes, in_band)),
         locked=frozenset(curve.locked),
     )
+
+
+def _notes(
+    curve: CurveFit, shown: PoleFit, modes: Sequence[Mode], in_band: set[int]
+) -> Iterator[str]:
+    """Notes of the search, and what the fit with all pairs leaves open."""
+    yield from curve.notes
+    yield from note_of_coarse_lines(curve.frf, shown.poles[sorted(in_band)])
+    if curve.circle and not curve.selection.pinned:
+        labelled = label_modes(modes[:-N_STAND_INS], curve.frf.position_deg)
+        yield from doubts_of(curve.frf, shown, labelled, curve.band_hz)
 
 
 def _between_runs(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> Real:

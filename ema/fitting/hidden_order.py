@@ -263,11 +263,17 @@ def note_of(suspect: Suspect, pair: PairFit) -> str:
     )
 
 
-def doubt_of(suspect: Suspect) -> Iterator[str]:
-    """What remains, for the notes of the result."""
-    if np.isfinite(suspect.left):
-        yield (
-            f"No mode explains what order {suspect.order} does around "
-            f"{abs(suspect.start) / (2 * np.pi):.0f} Hz: one of a rim, of the air or sideways may "
-            f"be missing beneath order {suspect.above.order}."
-        )
+def doubts_of(
+    frf: FRF, fit: PoleFit, modes: Sequence[Mode], band_hz: tuple[float, float]
+) -> Iterator[str]:
+    """What a fit with all pairs in place leaves of order 1, for the notes of the result.
+
+    Rim and air act on this order; what is left of others an uneven tyre mixes into them.
+    """
+    for suspect in _LeftOver(frf, fit, modes, band_hz).suspects():
+        if suspect.order == 1:
+            yield (
+                f"No mode explains what order 1 does around {abs(suspect.start) / (2 * np.pi):.0f} "
+                "Hz: one of a rim or of the air may be missing beneath order "
+                f"{suspect.above.order}."
+            )

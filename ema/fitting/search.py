@@ -315,7 +315,6 @@ class CurveFit:
                 self.notes.append(hidden_order.note_of(suspect, pairs[0]))
                 return
             self.fit, self.centre, self.held = before, centre, {}
-            self.notes += hidden_order.doubt_of(suspect)
 
     def _seen(self, fit: PoleFit) -> tuple[FRF, PoleFit, tuple[Mode, ...], tuple[float, float]]:
         return self.frf, fit, self.labelled(fit), self.band_hz

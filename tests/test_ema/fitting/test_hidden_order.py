@@ -12,15 +12,18 @@ from pipelines.simulate.truth import truth_modes
 ORDER_2 = (systems.TABLE_3_HZ[1], systems.TABLE_3_DAMPING[1])
 
 
-def modes_with_a_wave_of_order_1(share, frequency_hz, damping_ratio, truth=None):
-    """Modes of the tyre of the paper with order 1 at another pole, of this share of order 2."""
+def model_with_a_wave_of_order_1(share, frequency_hz, damping_ratio, truth=None):
+    """The tyre of the paper with order 1 at another pole, of this share of order 2."""
     frf = systems.campaign_frf(truth or truth_modes(), 40, seed=3)
     poles = np.array([systems.pole(frequency_hz, damping_ratio)])
     shape = share * np.cos(np.deg2rad(frf.position_deg))
     residues = np.outer(shape, systems.residue(poles))
     wave = systems.inertance(frf.frequency_hz, poles, residues)
-    found = ema.identify_modes(replace(frf, values=frf.values + wave), (60.0, 160.0)).model
-    return [mode for mode in found.modes if mode.order in (1, 2)]
+    return ema.identify_modes(replace(frf, values=frf.values + wave), (60.0, 160.0)).model
+
+
+def modes_with_a_wave_of_order_1(*about):
+    return [mode for mode in model_with_a_wave_of_order_1(*about).modes if mode.order in (1, 2)]
 
 
 @pytest.mark.parametrize("share", [0.15, 0.25])
@@ -49,6 +52,14 @@ def test_a_weak_mode_of_a_lower_order_is_found_by_the_frfs_of_that_order(share, 
     assert found.order == 1
     assert found.frequency_hz == pytest.approx(hz, abs=min(0.3, 3 * found.frequency_std_hz))
     assert found.damping_ratio == pytest.approx(ratio, rel=0.03)
+
+
+@pytest.mark.parametrize(("share", "is_there"), [(0.1, True), (0.0, False)])
+def test_what_order_1_does_without_a_mode_is_said(share, is_there):
+    """Beneath order 4, at its edge, no pole is determined."""
+    model = model_with_a_wave_of_order_1(share, 147.0, 0.04, truth_modes(split_percent=0.5))
+    assert [mode.order for mode in model.modes] == [1, 1, 2, 2, 3, 3, 4, 4]
+    assert any("order 1 does around 146 Hz" in note for note in model.notes) == is_there
 
 
 @pytest.mark.parametrize(
