@@ -78,8 +78,7 @@ def _behind_impure(
 ) -> Iterator[Suspect]:
     """Orders that ring modes may hide, as these are impure."""
     low, high = band_hz
-    for found in family(modes).values():
-        mode = modes[found[0]]
+    for mode in (modes[k] for found in family(modes).values() for k in found):
         if mode.order_purity < _IMPURE and low <= mode.frequency_hz <= high:
             power = order_content(mode.residues, position_deg).power
             power[[0, mode.order or 0]] = 0.0
