@@ -21,8 +21,9 @@ _PLAIN_SHARE, _MOST_LEFT = 0.15, 2.0
 # An order whose other member has less than this share of the response shows one member.
 _ONE_MEMBER = 0.02
 # Members farther apart than those of tyres are two modes, as of a rim that moves in two directions,
-# if both have this share: less is seen of a member that is hardly there, at any frequency.
-_OF_TWO_MODES = 0.05
+# if both have this share: less is seen of a member that is hardly there, at any frequency. Where
+# order 1 has other resonances as well, the rim moves, and a third of that distance tells them.
+_OF_TWO_MODES, _ON_A_RIM = 0.05, 1 / 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +111,11 @@ def order_report(
     return reported(PairVerdict(order, verdict, pair.chance, text), pair)
 
 
-def are_two_modes(pair: PairFit) -> bool:
+def are_two_modes(pair: PairFit, *, on_a_rim: bool) -> bool:
     """Whether the members are too far apart for one modal mass and two directions 90°/n apart."""
     lower, upper = pair.numbers[[0, 2]]
-    return bool(upper > (1 + PAIR_REACH) * lower and min(pair.share) > _OF_TWO_MODES)
+    reach = PAIR_REACH * (_ON_A_RIM if on_a_rim else 1.0)
+    return bool(upper > (1 + reach) * lower and min(pair.share) > _OF_TWO_MODES)
 
 
 def two_modes(order: int) -> OrderReport:
