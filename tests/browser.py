@@ -106,7 +106,8 @@ class Browser:
         self.complaints()
         self.requests()
         yield
-        assert self.complaints() == []
+        complaints = self.complaints()
+        assert not complaints, complaints
         assert hosts(self.requests()) == []
 
     def unfold(self) -> None:
