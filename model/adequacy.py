@@ -51,10 +51,8 @@ def judge_tuning(
         problem, of_rim = _without_order_1(problem, rim_hz)
         evidence.append(of_rim)
     if rim_torsion_hz and problem.torsion_hz is not None:
-        listed = _listed(problem.torsion_hz[0], rim_torsion_hz)
-        problem = replace(problem, torsion_hz=None)
-        detail = f"torsions at {listed} Hz: the rim turns on its fixture; they are not used"
-        evidence.append(Evidence(Reason.TURNING, detail))
+        problem, of_rim = _without_torsion_on_a_rim(problem, rim_torsion_hz)
+        evidence.append(of_rim)
     search = plan_search(problem)
     values, starts = search.run()
     search, values, starts, of_masses = _without_contradicting_masses(search, values, starts)
@@ -64,9 +62,8 @@ def judge_tuning(
     if not found:
         search, values, found = _without_barely_tested(search, values)
     if of_masses and found:
-        search, values, starts, of_masses = _with_masses_again(
-            search, values, starts, problem, of_masses
-        )
+        again = _with_masses_again(search, values, starts, problem, of_masses)
+        search, values, starts, of_masses = again
     evidence += of_masses
     if search.problem.torsion_hz is None:
         all_orders = restarted(replace(all_orders[0].problem, torsion_hz=None), *all_orders)
@@ -112,6 +109,16 @@ def _without_order_1(
         problem = _without_order(problem, 1)
         detail += "; order 1 is left out"
     return problem, Evidence(Reason.RIM, detail, 1)
+
+
+def _without_torsion_on_a_rim(
+    problem: TuningProblem, rim_torsion_hz: Sequence[float]
+) -> tuple[TuningProblem, Evidence]:
+    """Leave the torsion out where the rim turns on its fixture."""
+    assert problem.torsion_hz is not None
+    listed = _listed(problem.torsion_hz[0], rim_torsion_hz)
+    detail = f"torsions at {listed} Hz: the rim turns on its fixture; they are not used"
+    return replace(problem, torsion_hz=None), Evidence(Reason.TURNING, detail)
 
 
 def _listed(own_hz: float, others_hz: Sequence[float]) -> str:

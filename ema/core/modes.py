@@ -39,8 +39,7 @@ MODE_COLUMNS = {
     "damping_ratio_band_shift": "damping_band_shift",
     "name": "common_name",
 }
-#: Further ones where several forces give modal masses.
-MASS_COLUMNS = ("modal_mass_kg", "modal_mass_std_kg", "modal_mass_spread")
+MASS_COLUMNS = ("modal_mass_kg", "modal_mass_std_kg", "modal_mass_spread")  # of several forces
 #: Names of modes of low order, by direction (SAE J2710 for those against the rim).
 COMMON_NAMES = {
     (Direction.RADIAL, 0): "breathing",
@@ -228,10 +227,8 @@ class ModalModel(ReadonlyArrays):
         Frequency response assurance criterion over the fitted lines.
     misfit : float
         Reduced χ² of the fit, 1 for noise alone.
-    node, position_deg, axis : ndarray, shape (n_positions,)
-        Where the rows are, as in `FRF`.
-    excitation_deg : float
-        Angle of the force; NaN where unknown.
+    node, position_deg, axis, excitation_deg : ndarray, shape (n_positions,), and float
+        Where the rows and the force are, as in `FRF`.
     drift : Drift
         Drift over the runs; the modes are those of the first run's state.
     orders : tuple of OrderReport
