@@ -44,7 +44,7 @@ from ema.core.frf import FRF, TYRE_BAND_HZ
 from ema.core.modes import ModalModel
 from ema.core.references import References
 from ema.core.settings import CheckSettings, IdentificationSettings
-from ema.fitting.curve_fit import Wish, pole_named, wishes
+from ema.fitting.curve_fit import Wish, curve_fit, pole_named, wishes
 from ema.fitting.edited_fit import EditedFit
 from ema.fitting.joint_modes import JointModes, joint_modes
 from ema.fitting.joint_orders import (
@@ -53,7 +53,6 @@ from ema.fitting.joint_orders import (
     joint_curves,
     settled_curves,
 )
-from ema.fitting.search import curve_fit
 from ema.poles.estimators import widened_band
 from ema.poles.stability import StabilityDiagram, build_stability, select_poles
 from ema.poles.tracking import PoleSelection

@@ -21,10 +21,10 @@ from ema.core.modes import ModalModel, model_html
 from ema.core.numerics import one_blas_thread
 from ema.core.references import References, frfs_of
 from ema.core.settings import CHECKS, IDENTIFICATION, CheckSettings, IdentificationSettings
-from ema.fitting.curve_fit import acts_on_poles
+from ema.fitting.curve_fit import acts_on_poles, curve_fit
 from ema.fitting.edited_fit import EditedFit, edited, edited_jointly
 from ema.fitting.listing import with_modal_masses
-from ema.fitting.search import CurveFit, curve_fit
+from ema.fitting.search import CurveFit
 from ema.poles.estimators import NO_FRF
 from ema.poles.stability import (
     OTHER,

@@ -19,7 +19,9 @@ from ema.circumference.orders import label_modes
 from ema.core.drift import Drift
 from ema.core.edits import OF_POLES, Edit, EditKind, PoleName, of_kind
 from ema.core.errors import FitError
-from ema.core.modes import Mode, synthesise
+from ema.core.frf import FRF
+from ema.core.modes import Mode
+from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting.covariance import (
     frequency_damping_covariance,
@@ -39,16 +41,18 @@ from ema.fitting.fit_steps import (
     std_of_unseen_pairs,
 )
 from ema.fitting.hidden_order import doubts_of
-from ema.fitting.listing import Choice, Key, Row, Settled
+from ema.fitting.listing import Choice, Key, Row, Settled, with_own_factor
 from ema.fitting.order_pair import RingOrder, with_curvature
 from ema.fitting.own_lines import note_of_coarse_lines, on_own_lines, with_coarse_lines
 from ema.fitting.pair import PairFit
-from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate, fit_bounded
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.run_states import with_states
 from ema.fitting.search import CurveFit
 from ema.fitting.variable_projection import Complex, Real
 from ema.fitting.wave_mixing import sharing_resonance
+from ema.fitting.weak_modes import beside_members
 from ema.poles.stability import StabilityDiagram
+from ema.poles.tracking import PoleSelection
 
 #: Gives the diagram of a method, the main one without.
 Diagrams = Callable[[str | None], StabilityDiagram]
@@ -186,25 +190,53 @@ def _said(pole: complex) -> str:
     return f"{abs(pole) / (2 * np.pi):.2f} Hz {-100 * pole.real / abs(pole):.2f} %"
 
 
+@one_blas_thread
+def curve_fit(
+    frf: FRF,
+    selection: PoleSelection,
+    band_hz: tuple[float, float],
+    settings: IdentificationSettings,
+) -> CurveFit:
+    """The automatic fit to its end, from which others can go on; as `fit_modes`."""
+    fit = CurveFit(with_own_factor(frf), selection, band_hz, settings)
+    fit.start()
+    fit.follow_drift()
+    fit.compensate_leakage()
+    if not selection.pinned:
+        fit.drop_insignificant()
+    if fit.circle:
+        fit.settle_orders()
+    else:
+        if not selection.pinned:
+            fit.drop_surplus()
+            fit.follow_poles()
+            fit.drop_hidden()
+        fit.fit = fit.at_mean(fit.fit)
+    return fit
+
+
 def settled(curve: CurveFit) -> Settled:
     """Rows of all poles with their uncertainty."""
     curve, frf = copy(curve), curve.frf
     curve.ring = tuple(with_curvature(order, curve.settings) for order in curve.ring)
     fit, owner, place = _one_pole_per_order(curve)
-    fit = _beside_members(curve, fit, owner)
+    alone, two = _alone(curve, fit, owner), _two(curve, owner)
+    weak = beside_members(fit, alone, two, curve.correlation, curve.settings)
+    fit = _at(fit, weak.poles_in(fit.poles)) if weak.at.size else fit
     apart = _apart(curve, fit, owner)
-    shown = _beside_pairs(curve, fit.poles, apart, fit.locked) if apart else fit
+    shown = curve.beside(fit.poles, apart, fit.locked) if apart else fit
     misfit = shown.misfit if apart else curve.fit.misfit
-    poles, of_own_lines = on_own_lines(shown, _alone(curve, fit, owner), curve.correlation)
+    poles, of_own_lines = on_own_lines(shown, alone, curve.correlation)
     as_fitted = fit
     if np.any(poles != fit.poles):
         fit = _at(fit, poles)
-        shown = _beside_pairs(curve, poles, apart, fit.locked) if apart else fit
+        shown = curve.beside(poles, apart, fit.locked) if apart else fit
     covariance = parameter_covariance(fit, curve.correlation)
-    both = frequency_damping_covariance(fit.poles, covariance) + np.diag(of_own_lines.ravel() ** 2)
+    both = frequency_damping_covariance(fit.poles, covariance)
+    both = weak.covariance_in(both) + np.diag(of_own_lines.ravel() ** 2)
     residues_std = residue_std(fit, covariance, curve.correlation)
     shifts, scatter = curve.sensitivity
-    modes = _with_band_shift(modes_of(fit, both, residues_std), shifts[place])
+    modes = _with_band_shift(modes_of(fit, both, residues_std), weak.shifts_in(shifts[place]))
     if not curve.circle:
         modes, both = with_model_error(modes, both, fit, scatter)
     drift = final_drift(curve, fit, covariance)
@@ -252,25 +284,9 @@ def _notes(
         yield from doubts_of(curve.frf, shown, labelled, curve.band_hz)
 
 
-def _beside_members(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> PoleFit:
-    """The fit with modes that are of no pair where they fit best beside both members of all pairs.
-
-    What one pole leaves of a strong pair reaches through the band, and damps a weak mode too much:
-    a lateral one of benchmarks/laboratory.py by 6 %.
-    """
-    alone = _alone(curve, fit, owner)
-    two = {r: order for r, order in owner.items() if order.shows_two(curve.settings)}
-    if not alone.size or not two:
-        return fit
-    kept = [k for k in range(fit.poles.size) if k not in two]
-    start = np.concatenate([*(order.poles for order in two.values()), fit.poles[kept]])
-    free = start.size - len(kept) + np.searchsorted(kept, alone)
-    locked = tuple(np.setdiff1d(np.arange(start.size), free).tolist())
-    drift = fit.drift if len(fit.drift) > 1 else None
-    again = fit_bounded(fit.lines, start, curve.settings, drift, start, (), locked)
-    poles = fit.poles.copy()
-    poles[alone] = again.poles[free]
-    return _at(fit, poles)
+def _two(curve: CurveFit, owner: Mapping[int, RingOrder]) -> dict[int, RingOrder]:
+    """Poles that stand for a pair whose two poles fit better than one."""
+    return {r: order for r, order in owner.items() if order.shows_two(curve.settings)}
 
 
 def _between_runs(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder]) -> Real:
@@ -278,8 +294,8 @@ def _between_runs(curve: CurveFit, fit: PoleFit, owner: Mapping[int, RingOrder])
 
     One pole in the place of a pair would leave in each run what that run sees of its members.
     """
-    two = {r: order for r, order in owner.items() if order.shows_two(curve.settings)}
-    beside = _beside_pairs(curve, fit.poles, two, fit.locked) if two else fit
+    two = _two(curve, owner)
+    beside = curve.beside(fit.poles, two, fit.locked) if two else fit
     return std_between_runs(beside, curve.correlation)
 
 
@@ -331,37 +347,13 @@ def _one_pole_per_order(curve: CurveFit) -> tuple[PoleFit, dict[int, RingOrder],
     owner = {kept.index(k): order for k, (order, _) in means.items()}
     locked = tuple(kept.index(k) for k in curve.locked if k in kept)
     jointly = {r: order for r, order in owner.items() if order.jointly}
-    again = _beside_pairs(curve, poles, jointly, locked)
+    again = curve.beside(poles, jointly, locked)
     return replace(again, at_bound=bound.ravel()), owner, kept
 
 
 def _pole_of(order: RingOrder, pair: PairFit) -> complex:
     """The pole that a row of an order stands for."""
     return pair.mean if order.one_row is None else pair.poles[order.one_row]
-
-
-def _beside_pairs(
-    curve: CurveFit, poles: Complex, pairs: dict[int, RingOrder], locked: tuple[int, ...]
-) -> PoleFit:
-    """Linear solution for poles, with the pairs in the place of some of them taken as they are.
-
-    Such a pole has the residues of both members and what is in no wave. Were it fitted alone, the
-    poles of other orders would make up for what one pole cannot follow of two.
-    """
-    fit, angles = curve.fit, curve.frf.position_deg
-    values, own = np.array(fit.lines.values), np.zeros((len(angles), poles.size), dtype=complex)
-    for k, order in pairs.items():
-        assert order.pair is not None
-        waves, members = order.waves(angles), np.array(order.pair.poles)
-        own[:, k] = waves.sum(axis=1)
-        for rows, drift in zip(fit.groups, fit.drift, strict=True):
-            none = np.zeros(len(rows))
-            here = fit.lines.drifted(members, drift)
-            values[rows] -= synthesise(fit.lines.frequency_hz, here, waves[rows], none, none)
-    again = evaluate(replace(fit.lines, values=values), poles, fit.drift, locked=locked)
-    parts = zip(again.groups, again.parts, strict=True)
-    with_pairs = [replace(part, residues=part.residues + own[rows]) for rows, part in parts]
-    return replace(again, parts=tuple(with_pairs)) if pairs else again
 
 
 def _doubts(

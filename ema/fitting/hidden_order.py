@@ -253,12 +253,11 @@ def is_another(
     )
 
 
-def note_of(suspect: Suspect, pair: PairFit) -> str:
+def note_of(suspect: Suspect) -> str:
     """What was found, for the notes of the result."""
     return (
-        f"Order {suspect.order} has a resonance at {abs(pair.mean) / (2 * np.pi):.1f} Hz beneath "
-        f"that of order {suspect.above.order}: its pole is taken from the FRFs of order "
-        f"{suspect.order} alone."
+        f"Order {suspect.order} has a resonance beneath that of order {suspect.above.order}: its "
+        f"pole is taken from the FRFs of order {suspect.order} alone."
     )
 
 

@@ -256,7 +256,7 @@ class PairSearch:
         """The pair of one order, or its one mode, and the verdict on it."""
         pair = self.pair_in(seen)
         is_main = (order, found) in self.main
-        on_a_rim = is_main and order == 1 and any(n == 1 and k != found for n, k in self.orders)
+        on_a_rim = order == 1 and any(n == 1 and k != found for n, k in self.orders)
         apart = pair is not None and are_two_modes(pair, on_a_rim=on_a_rim)
         if apart or (not is_main and self._is_beside_its_order(order, found)):
             return RingOrder(order, tuple(found), None, two_modes(order), seen, is_main)

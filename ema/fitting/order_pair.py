@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from ema.core.frf import FRF
 from ema.core.modes import OrderReport, Pair, synthesise
 from ema.core.settings import IdentificationSettings
 from ema.fitting.pair import PairFit, joint_report, one_row, order_report, reported
-from ema.fitting.pole_fit import N_STAND_INS, PoleFit
+from ema.fitting.pole_fit import N_STAND_INS, PoleFit, evaluate
 from ema.fitting.ring_pair import Known, PairProblem
 from ema.fitting.variable_projection import Complex, Real
 
@@ -245,6 +245,34 @@ def in_one_state(fit: PoleFit, poles: Complex) -> Complex:
         )
         values[rows] += wanted - own
     return values
+
+
+def beside_pairs(
+    fit: PoleFit,
+    position_deg: Real,
+    poles: Complex,
+    pairs: Mapping[int, RingOrder],
+    locked: tuple[int, ...],
+) -> PoleFit:
+    """Linear solution for poles, with the pairs in the place of some of them taken as they are.
+
+    Such a pole has the residues of both members and what is in no wave. Were it fitted alone, the
+    poles of other orders would make up for what one pole cannot follow of two.
+    """
+    values = np.array(fit.lines.values)
+    own = np.zeros((len(position_deg), poles.size), dtype=complex)
+    for k, order in pairs.items():
+        assert order.pair is not None
+        waves, members = order.waves(position_deg), np.array(order.pair.poles)
+        own[:, k] = waves.sum(axis=1)
+        for rows, drift in zip(fit.groups, fit.drift, strict=True):
+            none = np.zeros(len(rows))
+            here = fit.lines.drifted(members, drift)
+            values[rows] -= synthesise(fit.lines.frequency_hz, here, waves[rows], none, none)
+    again = evaluate(replace(fit.lines, values=values), poles, fit.drift, locked=locked)
+    parts = zip(again.groups, again.parts, strict=True)
+    with_pairs = [replace(part, residues=part.residues + own[rows]) for rows, part in parts]
+    return replace(again, parts=tuple(with_pairs)) if pairs else again
 
 
 def pair_problem(

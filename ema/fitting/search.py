@@ -13,7 +13,6 @@ from ema.circumference.orders import family, label_modes, of_order, on_circle
 from ema.core.drift import NO_DRIFT, Drift, of_runs
 from ema.core.frf import FRF
 from ema.core.modes import Mode
-from ema.core.numerics import one_blas_thread
 from ema.core.settings import IdentificationSettings
 from ema.fitting import hidden_order
 from ema.fitting.covariance import band_shift, line_correlation
@@ -36,7 +35,7 @@ from ema.fitting.fit_steps import (
 )
 from ema.fitting.listing import with_own_factor
 from ema.fitting.mode_pairs import PairSearch
-from ema.fitting.order_pair import RingOrder, poles_shown
+from ema.fitting.order_pair import RingOrder, beside_pairs, poles_shown
 from ema.fitting.pole_fit import (
     N_DRIFT,
     N_STAND_INS,
@@ -71,31 +70,6 @@ _MOST_DROPS = 8
 # Rounds in which states of the runs and pairs are found from each other, and after which the poles
 # of the orders have settled; more than two were never needed.
 _STATE_ROUNDS, _ROUNDS = 2, 4
-
-
-@one_blas_thread
-def curve_fit(
-    frf: FRF,
-    selection: PoleSelection,
-    band_hz: tuple[float, float],
-    settings: IdentificationSettings,
-) -> CurveFit:
-    """The automatic fit to its end, from which others can go on; as `fit_modes`."""
-    fit = CurveFit(with_own_factor(frf), selection, band_hz, settings)
-    fit.start()
-    fit.follow_drift()
-    fit.compensate_leakage()
-    if not selection.pinned:
-        fit.drop_insignificant()
-    if fit.circle:
-        fit.settle_orders()
-    else:
-        if not selection.pinned:
-            fit.drop_surplus()
-            fit.follow_poles()
-            fit.drop_hidden()
-        fit.fit = fit.at_mean(fit.fit)
-    return fit
 
 
 class CurveFit:
@@ -237,6 +211,12 @@ class CurveFit:
             self._refit(self.fit.poles[~surplus])
         if not self.selection.pinned:
             self._add_hidden()
+        self._find_orders()
+        if not (self.selection.pinned or self.held) and self._add_hidden():
+            self._find_orders()
+
+    def _find_orders(self) -> None:
+        """Fit the pair of each order, and the states of the runs that go with them."""
         search = self._orders_alone()
         if not self.selection.pinned and self._start_at_pairs():
             search = self._orders_alone()
@@ -274,8 +254,8 @@ class CurveFit:
         orders = [each for each in self.ring if each.is_main and each.pair]
         if self.lines.n_runs < 2 or not orders:
             return False
-        limit = self.settings.drift_p_value
-        before, self.drift = self.drift, drift_beside_pairs(search, orders, limit)
+        before = self.drift
+        self.drift = drift_beside_pairs(search, orders, self.settings.drift_p_value)
         if self.drift.is_as(before) and not however_little:
             self.drift = self.drift.at_states_of(before)
             return False
@@ -284,15 +264,14 @@ class CurveFit:
 
     def in_new_states(self, fit: PoleFit) -> PoleFit:
         """Fit again where runs have other states: what leakage does is that of poles in these."""
-        lines = self.lines
-        if self.fit.lines is not lines:
+        if (lines := self.lines) is not self.fit.lines:
             lines = cleared_lines(self.frf, lines, fit.poles, fit.drift)
         return self._fit_near(lines, fit.poles, fit.drift)
 
     def find_pairs(self, before: Sequence[RingOrder] = ()) -> None:
         """Fit the pair of each order of the ring."""
-        search = self.pair_search()
-        self.ring = search.orders_together(search.orders_alone(before), before)
+        alone = (search := self.pair_search()).orders_alone(before)
+        self.ring = search.orders_together(alone, before)
 
     def pair_search(self) -> PairSearch:
         """What the pairs of the orders are found from."""
@@ -300,24 +279,33 @@ class CurveFit:
         lines = widened_band(self.frf, self.band_hz)
         return PairSearch(self.frf, lines, self.fit, self.labelled(self.fit), *known)
 
-    def _add_hidden(self) -> None:
-        """Add the pole of an order beneath that of another one, where its own FRFs show it."""
+    def _add_hidden(self) -> bool:
+        """Add the pole of an order that its own FRFs show; what known pairs explain counts not."""
         before, centre = self.fit, self.centre
+        two = {each.key: each for each in self.ring if each.shows_two(self.settings)}
+        known = self.beside(before.poles, two) if two else before
 
         def beside(pole: complex) -> PairSearch:
             self._refit(np.insert(before.poles, 0, pole))
             return self.pair_search()
 
-        for suspect in hidden_order.suspects(*self._seen(before)):
+        for suspect in hidden_order.suspects(*self._seen(known)):
             self.held = {0: suspect.order}
             pairs = hidden_order.pairs_beneath(suspect, beside)
             if pairs and hidden_order.is_another(suspect, pairs, *self._seen(self.fit)):
-                self.notes.append(hidden_order.note_of(suspect, pairs[0]))
-                return
+                self.notes.append(hidden_order.note_of(suspect))
+                return True
             self.fit, self.centre, self.held = before, centre, {}
+        return False
 
     def _seen(self, fit: PoleFit) -> tuple[FRF, PoleFit, tuple[Mode, ...], tuple[float, float]]:
         return self.frf, fit, self.labelled(fit), self.band_hz
+
+    def beside(
+        self, poles: Complex, pairs: Mapping[int, RingOrder], locked: tuple[int, ...] = ()
+    ) -> PoleFit:
+        """Linear solution for poles, `beside_pairs` in the place of some of them."""
+        return beside_pairs(self.fit, self.frf.position_deg, poles, pairs, locked)
 
     @property
     def _shifts(self) -> Real:

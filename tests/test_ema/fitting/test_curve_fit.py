@@ -9,7 +9,7 @@ import systems
 from ema.core.errors import FitError
 from ema.core.recording import BlockPlan
 from ema.core.settings import IDENTIFICATION
-from ema.fitting.search import curve_fit
+from ema.fitting.curve_fit import curve_fit
 from ema.identify import fit_modes
 from ema.poles.stability import build_stability, select_poles
 from ema.poles.tracking import PoleSelection

@@ -45,9 +45,11 @@ def test_an_order_beneath_another_is_found_by_its_own_frfs(hz, ratio):
     assert above.order_purity > 0.98
 
 
-@pytest.mark.parametrize(("share", "hz", "ratio"), [(0.05, 127.0, 0.045), (0.1, 125.0, 0.05)])
+@pytest.mark.parametrize(
+    ("share", "hz", "ratio"), [(0.05, 127.0, 0.045), (0.1, 125.0, 0.05), (0.1, 147.0, 0.04)]
+)
 def test_a_weak_mode_of_a_lower_order_is_found_by_the_frfs_of_that_order(share, hz, ratio):
-    """It lies beneath order 3, which is half as broad; no pole of the diagram shows it."""
+    """Beneath order 3 or 4, half as broad; no pole of the diagram shows it, or it went astray."""
     *_, found = modes_with_a_wave_of_order_1(share, hz, ratio, truth_modes(split_percent=0.5))
     assert found.order == 1
     assert found.frequency_hz == pytest.approx(hz, abs=min(0.3, 3 * found.frequency_std_hz))
@@ -56,10 +58,10 @@ def test_a_weak_mode_of_a_lower_order_is_found_by_the_frfs_of_that_order(share, 
 
 @pytest.mark.parametrize(("share", "is_there"), [(0.1, True), (0.0, False)])
 def test_what_order_1_does_without_a_mode_is_said(share, is_there):
-    """Beneath order 4, at its edge, no pole is determined."""
-    model = model_with_a_wave_of_order_1(share, 147.0, 0.04, truth_modes(split_percent=0.5))
+    """Five times as broad as order 4, at the end of the band, no pole is determined."""
+    model = model_with_a_wave_of_order_1(share, 146.0, 0.12, truth_modes(split_percent=0.5))
     assert [mode.order for mode in model.modes] == [1, 1, 2, 2, 3, 3, 4, 4]
-    assert any("order 1 does around 146 Hz" in note for note in model.notes) == is_there
+    assert any("what order 1 does" in note for note in model.notes) == is_there
 
 
 @pytest.mark.parametrize(
