@@ -182,25 +182,31 @@ def band_shift(
     Changes of frequency in Hz and of damping ratio, (n_modes, 2); NaN for poles next to the ends.
     The last pole of the fit stands for modes above the band; `refit` fits lines from start poles.
     """
-    n_lines = fit.lines.frequency_hz.size
-    cut = int(_TRIM * n_lines)
-    shifts = [_shift(fit, refit, kept) for kept in (slice(cut, n_lines), slice(0, n_lines - cut))]
+    shifts = [_shift(fit, refit, lines) for lines in without_ends(fit.lines)]
     stacked = np.abs(np.stack(shifts))
     known = np.isfinite(stacked)
     largest = np.max(np.where(known, stacked, 0.0), axis=0)
     return np.asarray(np.where(known.any(axis=0), largest, np.nan))
 
 
+def without_ends(lines: Lines) -> list[Lines]:
+    """The lines without those at the lower and without those at the upper end."""
+    cut = int(_TRIM * lines.frequency_hz.size)
+    return [
+        replace(
+            lines,
+            frequency_hz=lines.frequency_hz[kept],
+            values=lines.values[:, kept],
+            weight=lines.weight[kept],
+            importance=lines.importance[kept],
+        )
+        for kept in (slice(cut, None), slice(0, lines.frequency_hz.size - cut))
+    ]
+
+
 def _shift(
-    fit: PoleFit, refit: Callable[[Lines, NDArray[np.complex128]], PoleFit], kept: slice
+    fit: PoleFit, refit: Callable[[Lines, NDArray[np.complex128]], PoleFit], lines: Lines
 ) -> NDArray[np.float64]:
-    lines = replace(
-        fit.lines,
-        frequency_hz=fit.lines.frequency_hz[kept],
-        values=fit.lines.values[:, kept],
-        weight=fit.lines.weight[kept],
-        importance=fit.lines.importance[kept],
-    )
     poles = fit.poles[:-N_STAND_INS]
     frequency_hz, half_width_hz = np.abs(poles) / (2 * np.pi), -poles.real / (2 * np.pi)
     low, high = lines.frequency_hz[[0, -1]]

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ema.core.settings import IdentificationSettings
-from ema.fitting.covariance import band_shift, frequency_damping_covariance, parameter_covariance
+from ema.fitting.covariance import frequency_damping_covariance, parameter_covariance, without_ends
 from ema.fitting.order_pair import RingOrder
-from ema.fitting.pole_fit import Lines, PoleFit, fit_bounded, with_stand_ins
-from ema.fitting.variable_projection import Complex, Real
+from ema.fitting.pole_fit import Lines, PoleFit, fit_bounded
+from ema.fitting.variable_projection import Complex, Real, numbers_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +81,17 @@ def beside_members(
     stay = np.setdiff1d(np.arange(start.size), free)
     drift = fit.drift if len(fit.drift) > 1 else None
 
-    def fitted(lines: Lines, poles: Complex) -> PoleFit:
-        locked = tuple(np.flatnonzero(np.isin(poles, start[stay])).tolist())
-        return fit_bounded(lines, poles, settings, drift, poles, (), locked)
+    def fitted(lines: Lines) -> PoleFit:
+        return fit_bounded(lines, start, settings, drift, start, (), tuple(stay.tolist()))
 
-    again = fitted(fit.lines, start)
+    again = fitted(fit.lines)
     covariance = frequency_damping_covariance(
         again.poles, parameter_covariance(again, correlation)
     ).reshape(start.size, 2, start.size, 2)
-    shift = band_shift(again, lambda lines, poles: fitted(lines, with_stand_ins(poles, lines)))
-    return WeakModes(at, again.poles[free], covariance[free, :, free], shift[free])
+    # All other poles stay, those beyond the ends that are cut too: what is compared are lines.
+    numbers = [
+        numbers_of(other.poles[free]).reshape(-1, 2)
+        for other in (again, *map(fitted, without_ends(fit.lines)))
+    ]
+    shift = np.max(np.abs(np.array(numbers[1:]) - numbers[0]), axis=0)
+    return WeakModes(at, again.poles[free], covariance[free, :, free], shift)
