@@ -165,12 +165,11 @@ def test_sensors_pull_between_the_orders_of_an_uneven_tyre():
             assert mode.frequency_hz == pytest.approx(true.frequency_hz, rel=3e-4), mode.order
 
 
-@pytest.mark.parametrize("seed", [2, 6])
-def test_what_one_pole_leaves_of_pairs_does_not_damp_a_weak_lateral_mode(seed):
+def test_what_one_pole_leaves_of_pairs_does_not_damp_a_weak_lateral_mode():
     """Beside one pole for each pair, its damping was 1.3 % too high."""
     laboratory, found = laboratory_and_modes(
         (30.0, 200.0),
-        seed=seed,
+        seed=6,
         lateral_hz=(50.0,),
         stiffness_variation=0.025,
         splice=0.003,
