@@ -76,19 +76,9 @@ def judge_tuning(
         *_shifted(search, values, whole, all_orders),
         *_at_bound(search, values),
     ]
+    evidence += _untested(search, values, of_order_1=any(each.order == 1 for each in evidence))
     problem = search.problem
     spare = degrees_of_freedom(search)
-    if spare <= 0:
-        n_orders = int(problem.used.sum())
-        detail = f"{n_orders} frequencies for {n_orders - spare} unknowns: no test of the ring"
-        evidence.append(Evidence(Reason.UNTESTED, detail))
-    elif all(each.order != 1 for each in evidence) and not order_1_is_tested(search, values):
-        share = order_1_share(search, values)
-        detail = (
-            f"k_θ rests on order 1 alone: 1 % of order 1 moves k_θ by {share:.2g} %. Its ± allows "
-            f"for {100 * ORDER_1_STD:g} %, that of the other parameters does not"
-        )
-        evidence.append(Evidence(Reason.ORDER_1, detail, 1))
     verdict = RingVerdict(
         tuple(evidence),
         _chi2(search, values) if spare > 0 else None,
@@ -97,6 +87,23 @@ def judge_tuning(
         tuple(problem.orders[~problem.used].tolist()),
     )
     return search, values, starts, verdict
+
+
+def _untested(search: Search, values: Array, *, of_order_1: bool) -> list[Evidence]:
+    """What no further order tests; order 1 where nothing is said `of_order_1` yet."""
+    spare = degrees_of_freedom(search)
+    if spare <= 0:
+        n_orders = int(search.problem.used.sum())
+        detail = f"{n_orders} frequencies for {n_orders - spare} unknowns: no test of the ring"
+        return [Evidence(Reason.UNTESTED, detail)]
+    if of_order_1 or order_1_is_tested(search, values):
+        return []
+    share = order_1_share(search, values)
+    detail = (
+        f"k_θ rests on order 1 alone: 1 % of order 1 moves k_θ by {share:.2g} %. Its ± allows "
+        f"for {100 * ORDER_1_STD:g} %, that of the other parameters does not"
+    )
+    return [Evidence(Reason.ORDER_1, detail, 1)]
 
 
 def _without_order_1(

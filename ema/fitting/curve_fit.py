@@ -7,7 +7,7 @@ if it is clearly the nearest; everything else is an error that lists what is the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -258,11 +258,7 @@ def settled(curve: CurveFit) -> Settled:
         frf=frf,
         fit=shown,
         band_hz=curve.band_hz,
-        rows=tuple(
-            Row(mode, (place[r], member), r in in_band, doubts.get(r, ""))
-            for r in ascending
-            for member, mode in enumerate(seen[r][0])
-        ),
+        rows=tuple(_rows(ascending, [rows for rows, _ in seen], place, in_band, doubts)),
         covariance=scipy.linalg.block_diag(*(seen[r][1] for r in ascending)),
         ring=curve.ring,
         drift=drift,
@@ -271,6 +267,19 @@ def settled(curve: CurveFit) -> Settled:
         notes=(*curve.leakage_notes, *_notes(curve, shown, modes, in_band)),
         locked=frozenset(curve.locked),
     )
+
+
+def _rows(
+    ascending: Sequence[int],
+    modes: Sequence[list[Mode]],
+    place: Sequence[int],
+    in_band: Container[int],
+    doubts: Mapping[int, str],
+) -> Iterator[Row]:
+    """Rows of poles in this order, both members of resolved pairs."""
+    for r in ascending:
+        for member, mode in enumerate(modes[r]):
+            yield Row(mode, (place[r], member), r in in_band, doubts.get(r, ""))
 
 
 def _notes(

@@ -70,7 +70,7 @@ def beside_members(
 ) -> WeakModes:
     """Fit some poles again, with both members in the place of the poles of `pairs`, which stay.
 
-    None of them where there is no pair.
+    None of them where there is no pair, nor those that end on a bound: they stay what they were.
     """
     if not at.size or not pairs:
         nothing = np.zeros((0, 2))
@@ -94,4 +94,6 @@ def beside_members(
         for other in (again, *map(fitted, without_ends(fit.lines)))
     ]
     shift = np.max(np.abs(np.array(numbers[1:]) - numbers[0]), axis=0)
-    return WeakModes(at, again.poles[free], covariance[free, :, free], shift)
+    inside = ~again.at_bound.reshape(-1, 2)[free].any(axis=1)
+    found = free[inside]
+    return WeakModes(at[inside], again.poles[found], covariance[found, :, found], shift[inside])
